@@ -1,0 +1,35 @@
+//! The part of a material that is not voxels, as JSON: shared by the native form and `.npz`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Channel, Face, Grid, Material, Optics, Provenance};
+
+/// A material without its arrays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Header {
+    pub grid: Grid,
+    pub channels: Vec<ChannelHeader>,
+    pub optics: Optics,
+    pub lit_face: Face,
+    pub provenance: Provenance,
+}
+
+/// A channel without its arrays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ChannelHeader {
+    pub name: String,
+    pub gain: f64,
+}
+
+impl Header {
+    pub(crate) fn of(material: &Material) -> Self {
+        let channel = |c: &Channel| ChannelHeader { name: c.name.clone(), gain: c.gain };
+        Self {
+            grid: *material.grid(),
+            channels: material.channels().iter().map(channel).collect(),
+            optics: *material.optics(),
+            lit_face: material.lit_face(),
+            provenance: material.provenance().clone(),
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! A material as a `.npz`.
+
+use std::path::Path;
+
+use super::{NpzReader, write};
+use crate::header::Header;
+use crate::{Channel, FileError, Material, Overwrite};
+
+impl Material {
+    /// Writes the material for NumPy: `kappa` (mm) and `mu` (1/mm) as float32 of shape
+    /// (channels, nz, ny, nx); `names` (channels); `gain` (channels); `spacing_mm` (hx, hy,
+    /// hz); scalars `eta` and `C`; and `header`, a JSON text with these and the rest
+    /// (boundary convention, lit face, provenance).
+    ///
+    /// # Errors
+    /// The file is there already and `overwrite` refuses, or the system does.
+    pub fn write_npz(&self, path: &Path, overwrite: Overwrite) -> Result<(), FileError> {
+        let channels = self.channels();
+        let [nx, ny, nz] = self.grid().cells();
+        let shape = [channels.len(), nz, ny, nx];
+        write(path, overwrite, |npz| {
+            npz.parts_f32("kappa", &shape, channels.iter().map(|c| c.kappa_mm.as_slice()))?;
+            npz.parts_f32("mu", &shape, channels.iter().map(|c| c.mu_per_mm.as_slice()))?;
+            let names: Vec<&str> = channels.iter().map(|c| c.name.as_str()).collect();
+            npz.texts("names", &names)?;
+            for (name, shape, values) in summary(&Header::of(self)) {
+                npz.array_f64(name, &shape, &values)?;
+            }
+            npz.text("header", &serde_json::to_string(&Header::of(self))?)
+        })
+    }
+
+    /// Reads what [`Material::write_npz`] wrote, also after `kappa` and `mu` were changed in
+    /// Python and saved again (in any float type).
+    ///
+    /// # Errors
+    /// The file cannot be read or is damaged, arrays are missing or have other shapes than
+    /// the header says, `spacing_mm`, `gain`, `eta` or `C` disagree with the header, or the
+    /// values are not a material's.
+    pub fn read_npz(path: &Path) -> Result<Self, FileError> {
+        let mut npz = NpzReader::open(path)?;
+        let header: Header = serde_json::from_str(&npz.text("header")?).map_err(|e| {
+            FileError::malformed(path, format!("array \"header\" cannot be understood: {e}"))
+        })?;
+        // Two places for one number: an edit of one alone must not go unnoticed.
+        for (name, shape, expected) in summary(&header) {
+            let found = npz.shaped(name, &shape)?;
+            if found != expected {
+                let reason =
+                    format!("array {name:?}: the header says {expected:?}, found {found:?}");
+                return Err(FileError::malformed(path, reason));
+            }
+        }
+        let [nx, ny, nz] = header.grid.cells();
+        let voxels = header.grid.len();
+        let shape = [header.channels.len(), nz, ny, nx];
+        let mut volumes = |name: &str| {
+            let values = npz.shaped(name, &shape)?;
+            let volume = |volume: &[f64]| volume.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+            Ok::<_, FileError>(values.chunks_exact(voxels).map(volume).collect::<Vec<_>>())
+        };
+        let (kappa, mu) = (volumes("kappa")?, volumes("mu")?);
+        let channels = header.channels.into_iter().zip(kappa).zip(mu);
+        let channels = channels.map(|((channel, kappa_mm), mu_per_mm)| Channel {
+            name: channel.name,
+            kappa_mm,
+            mu_per_mm,
+            gain: channel.gain,
+        });
+        let channels = channels.collect();
+        Material::new(header.grid, channels, header.optics, header.lit_face, header.provenance)
+            .map_err(|source| FileError::NotAMaterial { path: path.into(), source })
+    }
+}
+
+/// The numbers of the header that have arrays of their own, with their shapes.
+fn summary(header: &Header) -> [(&'static str, Vec<usize>, Vec<f64>); 4] {
+    let gain: Vec<f64> = header.channels.iter().map(|c| c.gain).collect();
+    [
+        ("spacing_mm", vec![3], header.grid.spacing_mm().to_vec()),
+        ("gain", vec![gain.len()], gain),
+        ("eta", vec![], vec![header.optics.eta]),
+        ("C", vec![], vec![header.optics.boundary_constant]),
+    ]
+}
