@@ -1,0 +1,126 @@
+//! What can go wrong between a picture and a calibrated quantity.
+
+use std::path::PathBuf;
+
+/// Result of everything in this crate.
+pub type Result<T> = std::result::Result<T, CalibrationError>;
+
+/// What was expected, what was found, and in which file or picture.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationError {
+    /// A file or folder could not be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file exists but is not what its kind promises (truncated, corrupt, another format).
+    #[error("{path}: expected {expected}, found {found}")]
+    BadFile {
+        /// The file.
+        path: PathBuf,
+        /// What it should have held.
+        expected: String,
+        /// What it holds.
+        found: String,
+    },
+    /// A folder without a single picture.
+    #[error("{path}: expected pictures (png, jpg, tif), found none")]
+    NoPictures {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file's exposure time is nowhere to be found.
+    #[error("{path}: no exposure time in its EXIF data ({reason})")]
+    NoExposure {
+        /// The picture.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
+    },
+    /// A description such as "9x6" that cannot be read.
+    #[error("{what}: expected {expected}, found {found:?}")]
+    BadInput {
+        /// What was being described.
+        what: String,
+        /// The form it should have.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
+    /// The chessboard is not in the picture, or not well enough.
+    #[error("{picture}: no {board} chessboard found: {reason}")]
+    BoardNotFound {
+        /// The picture's name.
+        picture: String,
+        /// Inner corners, columns x rows.
+        board: String,
+        /// The likeliest cause.
+        reason: String,
+    },
+    /// Too few views for a calibration.
+    #[error("{what} needs at least {needed} views, found {found}")]
+    TooFewViews {
+        /// Which calibration.
+        what: &'static str,
+        /// How many it takes.
+        needed: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// A picture that does not go with the others.
+    #[error("{picture}: expected {expected}, found {found}")]
+    Mismatch {
+        /// The odd one out.
+        picture: String,
+        /// What the others are.
+        expected: String,
+        /// What this one is.
+        found: String,
+    },
+    /// A bracket that cannot say anything about the response or the radiance.
+    #[error("exposure bracket: expected {expected}, found {found}")]
+    BadBracket {
+        /// What it takes.
+        expected: &'static str,
+        /// What was given.
+        found: String,
+    },
+    /// A colour chart that is absent, half hidden or upside down.
+    #[error("{picture}: no usable ColorChecker: {reason}")]
+    ChartNotFound {
+        /// The picture's name.
+        picture: String,
+        /// Why it was refused.
+        reason: String,
+    },
+    /// A solver did not arrive.
+    #[error("{what} did not converge: {reason}")]
+    NotConverged {
+        /// What was being solved.
+        what: &'static str,
+        /// What happened.
+        reason: String,
+    },
+    /// OpenCV refused.
+    #[error("{doing}: OpenCV says: {message}")]
+    OpenCv {
+        /// What it was asked to do.
+        doing: &'static str,
+        /// Its own words.
+        message: String,
+    },
+}
+
+impl CalibrationError {
+    pub(crate) fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Io { path, source }
+    }
+
+    pub(crate) fn opencv(doing: &'static str) -> impl Fn(opencv::Error) -> Self {
+        move |error| Self::OpenCv { doing, message: error.message.trim().to_owned() }
+    }
+}

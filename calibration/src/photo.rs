@@ -1,0 +1,140 @@
+//! Pictures as the camera wrote them: integer codes, nothing linearised.
+
+use std::path::{Path, PathBuf};
+
+use image::DynamicImage;
+
+use crate::error::{CalibrationError, Result};
+
+/// A picture: `width × height` pixels of `channels` (1 grey or 3 RGB) integer codes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photo {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// 1 (grey) or 3 (R, G, B).
+    pub channels: usize,
+    /// Codes, row by row from the top, channels interleaved; `width · height · channels` long.
+    pub data: Vec<u16>,
+    /// Full scale: 255 or 65535.
+    pub max_value: u16,
+    /// What to call it in messages: the file name.
+    pub name: String,
+}
+
+impl Photo {
+    /// Reads a PNG, JPEG or TIFF of 8 or 16 bits; alpha is dropped, floats are refused.
+    ///
+    /// # Errors
+    /// Names the file when it is missing, truncated, corrupt or of another kind.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let bytes = std::fs::read(path).map_err(CalibrationError::io(path))?;
+        let bad = |found: String| CalibrationError::BadFile {
+            path: path.to_path_buf(),
+            expected: "a whole PNG, JPEG or TIFF picture of 8 or 16 bits".into(),
+            found,
+        };
+        if jpeg_is_truncated(&bytes) {
+            return Err(bad("a JPEG that ends before its end marker (truncated)".into()));
+        }
+        let picture = image::load_from_memory(&bytes).map_err(|error| bad(error.to_string()))?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        Self::from_image(picture, name)
+            .ok_or_else(|| bad("an empty picture or one of floating-point pixels".into()))
+    }
+
+    fn from_image(picture: DynamicImage, name: String) -> Option<Self> {
+        let (width, height) = (picture.width() as usize, picture.height() as usize);
+        let widen = |bytes: Vec<u8>| bytes.into_iter().map(u16::from).collect();
+        let (channels, max_value, data): (usize, u16, Vec<u16>) = match picture {
+            DynamicImage::ImageLuma8(p) => (1, 255, widen(p.into_raw())),
+            DynamicImage::ImageRgb8(p) => (3, 255, widen(p.into_raw())),
+            p @ DynamicImage::ImageLumaA8(_) => (1, 255, widen(p.into_luma8().into_raw())),
+            p @ DynamicImage::ImageRgba8(_) => (3, 255, widen(p.into_rgb8().into_raw())),
+            DynamicImage::ImageLuma16(p) => (1, u16::MAX, p.into_raw()),
+            DynamicImage::ImageRgb16(p) => (3, u16::MAX, p.into_raw()),
+            p @ DynamicImage::ImageLumaA16(_) => (1, u16::MAX, p.into_luma16().into_raw()),
+            p @ DynamicImage::ImageRgba16(_) => (3, u16::MAX, p.into_rgb16().into_raw()),
+            _ => return None,
+        };
+        (width > 0 && height > 0).then_some(Self { width, height, channels, data, max_value, name })
+    }
+
+    /// The picture as 8-bit grey (Rec. 601 luma of the codes), for detectors.
+    pub fn grey_u8(&self) -> Vec<u8> {
+        let scale = 255.0 / f32::from(self.max_value);
+        self.data
+            .chunks_exact(self.channels)
+            .map(|px| {
+                let code = match *px {
+                    [r, g, b] => {
+                        0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)
+                    }
+                    _ => px.first().map_or(0.0, |&v| f32::from(v)),
+                };
+                (code * scale + 0.5) as u8
+            })
+            .collect()
+    }
+
+    /// Samples in the picture, `width · height · channels`.
+    pub fn samples(&self) -> usize {
+        self.width * self.height * self.channels
+    }
+
+    /// Size and depth in words, for messages.
+    pub(crate) fn shape(&self) -> String {
+        let bits = if self.max_value == 255 { 8 } else { 16 };
+        format!("{}x{} pixels, {} channel(s), {bits} bits", self.width, self.height, self.channels)
+    }
+
+    /// Fails unless `data` really has the promised number of samples.
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.data.len() == self.samples() && matches!(self.channels, 1 | 3) && self.width > 0 {
+            return Ok(());
+        }
+        Err(CalibrationError::Mismatch {
+            picture: self.name.clone(),
+            expected: format!("{} samples", self.samples()),
+            found: format!("{} samples, {}", self.data.len(), self.shape()),
+        })
+    }
+}
+
+/// Decoders fill what is missing from a cut-off JPEG with grey; its end marker says better.
+fn jpeg_is_truncated(bytes: &[u8]) -> bool {
+    if !bytes.starts_with(&[0xff, 0xd8]) {
+        return false;
+    }
+    let marker = |code: u8| bytes.windows(2).rposition(|pair| pair == [0xff, code]);
+    match (marker(0xda), marker(0xd9)) {
+        (Some(scan), Some(end)) => end < scan,
+        _ => true,
+    }
+}
+
+/// The pictures in a folder by file name, sorted; sub-folders are not entered.
+///
+/// # Errors
+/// The folder is missing or holds no png, jpg, jpeg, tif or tiff.
+pub fn list_pictures(dir: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
+    let dir = dir.as_ref();
+    let mut pictures = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(CalibrationError::io(dir))? {
+        let path = entry.map_err(CalibrationError::io(dir))?.path();
+        let known = path.extension().is_some_and(|extension| {
+            let extension = extension.to_string_lossy().to_ascii_lowercase();
+            ["png", "jpg", "jpeg", "tif", "tiff"].contains(&extension.as_str())
+        });
+        if known && path.is_file() {
+            pictures.push(path);
+        }
+    }
+    if pictures.is_empty() {
+        return Err(CalibrationError::NoPictures { path: dir.to_path_buf() });
+    }
+    pictures.sort();
+    Ok(pictures)
+}
