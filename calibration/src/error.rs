@@ -104,6 +104,9 @@ pub enum CalibrationError {
         /// What happened.
         reason: String,
     },
+    /// A file could not be written.
+    #[error(transparent)]
+    File(#[from] material::FileError),
     /// OpenCV refused.
     #[error("{doing}: OpenCV says: {message}")]
     OpenCv {

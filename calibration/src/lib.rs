@@ -1,18 +1,40 @@
-//! From pictures to geometry and radiance.
+//! From pictures to geometry and radiance: chessboards, camera and projector calibration, the
+//! camera's response, HDR merging with variance, white balance, and pictures laid onto the
+//! sample's face.
+//!
+//! OpenCV is used inside and never shows in a public signature.
+
 mod board;
+mod bounded;
 mod camera;
 mod cv;
+mod debevec;
 mod error;
 mod exposure;
+mod exr_io;
+mod face;
+mod hdr;
+mod merge;
+mod noise;
 mod photo;
 mod pose;
+mod rectify;
+mod response;
 
 pub use board::{Board, find_board};
 pub use camera::{
     CameraCalibration, CameraModel, View, ViewFit, calibrate_camera, pose_from_points,
     reprojection_rms,
 };
+pub use debevec::recover_response;
 pub use error::{CalibrationError, Result};
 pub use exposure::{ExposureTable, exif_exposure_s, parse_seconds};
+pub use exr_io::{read_exr, write_exr};
+pub use face::FacePlane;
+pub use hdr::HdrImage;
+pub use merge::{Merger, merge};
+pub use noise::NoiseModel;
 pub use photo::{Photo, list_pictures};
 pub use pose::Pose;
+pub use rectify::{FaceMap, rectify};
+pub use response::{KNOTS, Response};

@@ -90,15 +90,18 @@ impl Photo {
         format!("{}x{} pixels, {} channel(s), {bits} bits", self.width, self.height, self.channels)
     }
 
-    /// Fails unless `data` really has the promised number of samples.
+    /// Fails unless `data` really has the promised number of samples, none beyond full scale.
     pub(crate) fn check(&self) -> Result<()> {
-        if self.data.len() == self.samples() && matches!(self.channels, 1 | 3) && self.width > 0 {
+        let largest = self.data.iter().copied().max().unwrap_or(0);
+        let shaped = self.data.len() == self.samples() && matches!(self.channels, 1 | 3);
+        let scaled = matches!(self.max_value, 255 | u16::MAX) && largest <= self.max_value;
+        if shaped && scaled && !self.data.is_empty() {
             return Ok(());
         }
         Err(CalibrationError::Mismatch {
             picture: self.name.clone(),
-            expected: format!("{} samples", self.samples()),
-            found: format!("{} samples, {}", self.data.len(), self.shape()),
+            expected: format!("{} samples up to 255 or 65535", self.samples()),
+            found: format!("{} up to {largest}, {}", self.data.len(), self.shape()),
         })
     }
 }

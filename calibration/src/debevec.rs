@@ -1,0 +1,236 @@
+//! Recovering the response from a bracket: Debevec & Malik (1997), made monotone.
+//!
+//! g(Z) = ln E + ln t for every pixel that several exposures saw. E is eliminated pixel by
+//! pixel (it enters linearly), which leaves a quadratic form in the 256 knots of g however many
+//! pixels are used. The unknowns are the increments of g from knot to knot, held above a
+//! positive floor, so that no noise can make the curve flat or falling. The smoothness term is
+//! the curvature of g over ln(code), zero for every power law: linear sensors and gamma curves
+//! are not bent. Its weight is chosen by cross-validation between two halves of the pixels.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::bounded::least_quadratic;
+use crate::error::{CalibrationError, Result};
+use crate::photo::Photo;
+use crate::response::{KNOTS, Response};
+
+/// Smallest rise of g = ln exposure from one knot to the next: an eighth of a linear sensor's
+/// smallest, which it has at full scale.
+const SMALLEST_RISE: f64 = 1.0 / (8.0 * 255.0);
+
+/// Pixels taken for each of 256 codes of each picture: enough to average noise, few enough for
+/// dark corners to count as much as the sky.
+const PIXELS_PER_CODE: usize = 60;
+
+/// Recovers the response from a bracket: pictures of one still scene with exposure times (s).
+///
+/// # Errors
+/// Fewer than two pictures, times that are not positive or do not differ by at least 5 %,
+/// pictures of different shapes, or a channel in which no pixel is usable in two exposures.
+pub fn recover_response(bracket: &[(Photo, f64)]) -> Result<Response> {
+    let first = check_bracket(bracket)?;
+    let curves = (0..first.channels).map(|channel| recover_channel(bracket, channel));
+    Response::from_exposures(curves.collect::<Result<_>>()?)
+}
+
+fn check_bracket(bracket: &[(Photo, f64)]) -> Result<&Photo> {
+    let bad = |expected, found| CalibrationError::BadBracket { expected, found };
+    let [(first, _), _, ..] = bracket else {
+        let found = format!("{} picture(s)", bracket.len());
+        return Err(bad("at least two pictures with different exposure times", found));
+    };
+    for (photo, time) in bracket {
+        photo.check()?;
+        if photo.shape() != first.shape() {
+            return Err(CalibrationError::Mismatch {
+                picture: photo.name.clone(),
+                expected: format!("{} as in {}", first.shape(), first.name),
+                found: photo.shape(),
+            });
+        }
+        if !(time.is_finite() && *time > 0.0) {
+            return Err(bad("positive exposure times", format!("{time} s for {}", photo.name)));
+        }
+    }
+    let times = bracket.iter().map(|(_, t)| *t);
+    let (least, most) =
+        times.fold((f64::INFINITY, 0.0_f64), |(low, high), t| (low.min(t), high.max(t)));
+    if most < 1.05 * least {
+        let found = format!("{} pictures of {least} to {most} s", bracket.len());
+        return Err(bad("exposure times that differ by at least 5 %", found));
+    }
+    Ok(first)
+}
+
+/// Half of a least-squares problem in the increments d: ½ dᵀ H d − bᵀ d + ½ c.
+struct Half {
+    h: DMatrix<f64>,
+    b: DVector<f64>,
+    c: f64,
+    weight: f64,
+}
+
+impl Half {
+    fn mean_square(&self, d: &DVector<f64>) -> f64 {
+        (d.dot(&(&self.h * d)) - 2.0 * self.b.dot(d) + self.c) / self.weight.max(1e-300)
+    }
+}
+
+fn recover_channel(bracket: &[(Photo, f64)], channel: usize) -> Result<Vec<f64>> {
+    let halves = normal_equations(bracket, channel);
+    if halves.iter().any(|half| half.weight <= 0.0) {
+        return Err(CalibrationError::BadBracket {
+            expected: "pixels that two exposures see between black and white",
+            found: format!("none in channel {channel}"),
+        });
+    }
+    let bend = curvature();
+    let solve = |h: &DMatrix<f64>, b: &DVector<f64>, weight: f64, smooth: f64| {
+        least_quadratic(&(h / weight + &bend * smooth), &(b / weight), SMALLEST_RISE)
+    };
+    let mut best = (f64::INFINITY, 0.0);
+    for power in -14..=2 {
+        let smooth = 10_f64.powf(0.5 * f64::from(power));
+        let mut error = 0.0;
+        for (fitted, held_out) in [(0, 1), (1, 0)] {
+            let half = &halves[fitted];
+            error += halves[held_out].mean_square(&solve(&half.h, &half.b, half.weight, smooth)?);
+        }
+        if error < best.0 {
+            best = (error, smooth);
+        }
+    }
+    let [one, two] = &halves;
+    let d = solve(&(&one.h + &two.h), &(&one.b + &two.b), one.weight + two.weight, best.1)?;
+    let mut log = 0.0;
+    let rises = d.iter().map(|rise| {
+        log += rise;
+        log
+    });
+    Ok(std::iter::once(0.0).chain(rises).map(f64::exp).collect())
+}
+
+/// Sums over the pixels of each half: Σ w (g(Z) − ln E − ln t)² with the best ln E put in.
+fn normal_equations(bracket: &[(Photo, f64)], channel: usize) -> [Half; 2] {
+    let mut knots = [0, 1].map(|_| (DMatrix::zeros(KNOTS, KNOTS), DVector::zeros(KNOTS)));
+    let mut sums = [[0.0; 2]; 2];
+    for (number, pixel) in choose_pixels(bracket, channel).into_iter().enumerate() {
+        let side = number % 2;
+        // (knot, weight there, log time) of every usable exposure, in up to two knots each
+        let mut seen: Vec<[(usize, f64); 2]> = Vec::with_capacity(bracket.len());
+        let mut weights = Vec::with_capacity(bracket.len());
+        let mut logs = Vec::with_capacity(bracket.len());
+        for (photo, time) in bracket {
+            let code = f64::from(photo.data[pixel * photo.channels + channel])
+                / f64::from(photo.max_value);
+            let weight = hat(code);
+            if weight > 0.0 {
+                let position = code * (KNOTS - 1) as f64;
+                let k = (position as usize).min(KNOTS - 2);
+                let fraction = position - k as f64;
+                seen.push([(k, 1.0 - fraction), (k + 1, fraction)]);
+                weights.push(weight);
+                logs.push(time.ln());
+            }
+        }
+        if weights.len() < 2 {
+            continue;
+        }
+        let total: f64 = weights.iter().sum();
+        let mean_log = weights.iter().zip(&logs).map(|(w, l)| w * l).sum::<f64>() / total;
+        let (h, b): &mut (DMatrix<f64>, DVector<f64>) = &mut knots[side];
+        for (i, at) in seen.iter().enumerate() {
+            let centred = logs[i] - mean_log;
+            sums[side][0] += weights[i] * centred * centred;
+            sums[side][1] += weights[i];
+            for &(k, share) in at {
+                b[k] += weights[i] * share * centred;
+                for (j, other) in seen.iter().enumerate() {
+                    let pair = if i == j { weights[i] } else { 0.0 }
+                        - weights[i] * weights[j] / total;
+                    for &(l, share_l) in other {
+                        h[(k, l)] += pair * share * share_l;
+                    }
+                }
+            }
+        }
+    }
+    let mut side = 0;
+    knots.map(|(h, b)| {
+        let [c, weight] = sums[side];
+        side += 1;
+        let (h, b) = in_increments(&h, &b);
+        Half { h, b, c, weight }
+    })
+}
+
+/// Debevec's hat: trusts the middle of the range, ignores the ends.
+fn hat(code: f64) -> f64 {
+    // Half a code in from either end: 0 and 255 have lost what they measured.
+    if code * 255.0 < 0.5 || code * 255.0 > 254.5 { 0.0 } else { code.min(1.0 - code) }
+}
+
+/// From the knots g to their increments d, with g(0) = 0: suffix sums.
+fn in_increments(h: &DMatrix<f64>, b: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
+    let n = KNOTS - 1;
+    let mut hd = DMatrix::zeros(n + 1, n + 1);
+    let mut bd = DVector::zeros(n + 1);
+    for k in (0..n).rev() {
+        bd[k] = bd[k + 1] + b[k + 1];
+        for l in (0..n).rev() {
+            hd[(k, l)] = h[(k + 1, l + 1)] + hd[(k + 1, l)] + hd[(k, l + 1)] - hd[(k + 1, l + 1)];
+        }
+    }
+    (hd.view((0, 0), (n, n)).into_owned(), bd.rows(0, n).into_owned())
+}
+
+/// ∫ (d²g/du²)² du with u = ln(k + ½), as a quadratic form in the increments of g.
+fn curvature() -> DMatrix<f64> {
+    let n = KNOTS - 1;
+    let u = |k: usize| (k as f64 + 0.5).ln();
+    let width = |k: usize| u(k + 1) - u(k);
+    let mut form = DMatrix::zeros(n, n);
+    for k in 0..n - 1 {
+        let between = 0.5 * (width(k) + width(k + 1));
+        let row = [(k, -1.0 / width(k)), (k + 1, 1.0 / width(k + 1))];
+        for (i, a) in row {
+            for (j, b) in row {
+                form[(i, j)] += a * b / between;
+            }
+        }
+    }
+    form
+}
+
+/// For each code of each picture the pixels with the least going on around them: away from
+/// edges, where a shake of the camera or blooming would mix exposures.
+fn choose_pixels(bracket: &[(Photo, f64)], channel: usize) -> Vec<usize> {
+    let mut chosen = Vec::new();
+    for (photo, _) in bracket {
+        let (width, n) = (photo.width, photo.channels);
+        // About a million looked at in any picture is plenty.
+        let stride = (photo.width * photo.height / 1_000_000).max(1);
+        let code = |pixel: usize| i32::from(photo.data[pixel * n + channel]);
+        let mut by_code: Vec<Vec<(i32, usize)>> = vec![Vec::new(); KNOTS];
+        for y in 1..photo.height.saturating_sub(1) {
+            for x in (1 + y % stride..width.saturating_sub(1)).step_by(stride) {
+                let at = y * width + x;
+                let around =
+                    [at - 1, at + 1, at - width, at + width, at - width - 1, at + width + 1];
+                let unrest = around.iter().map(|&p| (code(p) - code(at)).abs()).sum();
+                let bin = code(at) as usize * (KNOTS - 1) / usize::from(photo.max_value);
+                by_code[bin].push((unrest, at));
+            }
+        }
+        for mut pixels in by_code {
+            if pixels.len() > PIXELS_PER_CODE {
+                pixels.select_nth_unstable(PIXELS_PER_CODE);
+                pixels.truncate(PIXELS_PER_CODE);
+            }
+            chosen.extend(pixels.into_iter().map(|(_, at)| at));
+        }
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}

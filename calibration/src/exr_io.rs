@@ -1,0 +1,152 @@
+//! OpenEXR: radiance in R, G, B (or Y), variance beside it in `variance.R` and so on.
+
+use std::path::Path;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer,
+    LayerAttributes, ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read,
+};
+use material::{Overwrite, atomic_write};
+
+use crate::error::{CalibrationError, Result};
+use crate::hdr::HdrImage;
+
+const CLIPPED: &str = "clippedShortest";
+const LOST: &str = "lostLongest";
+
+/// Channel names of grey and colour pictures in our order.
+fn names(channels: usize) -> &'static [&'static str] {
+    if channels == 1 { &["Y"] } else { &["R", "G", "B"] }
+}
+
+/// Writes a picture as 32-bit float EXR without loss.
+///
+/// # Errors
+/// The file is there and `overwrite` refuses, the system refuses, or the picture's arrays do not
+/// have its size.
+pub fn write_exr(path: impl AsRef<Path>, image: &HdrImage, overwrite: Overwrite) -> Result<()> {
+    let path = path.as_ref();
+    let samples = image.width * image.height * image.channels;
+    let whole = image.radiance.len() == samples && image.variance.len() == samples;
+    if !whole || !matches!(image.channels, 1 | 3) || samples == 0 {
+        return Err(CalibrationError::Mismatch {
+            picture: path.display().to_string(),
+            expected: format!("{samples} samples of radiance and variance in 1 or 3 channels"),
+            found: format!("{} and {}", image.radiance.len(), image.variance.len()),
+        });
+    }
+    let plane = |data: &[f32], c: usize| {
+        FlatSamples::F32(data.iter().skip(c).step_by(image.channels).copied().collect())
+    };
+    let mut channels = SmallVec::new();
+    for (c, &name) in names(image.channels).iter().enumerate() {
+        channels.push(AnyChannel::new(name, plane(&image.radiance, c)));
+        if image.variance_known {
+            let name = Text::from(format!("variance.{name}").as_str());
+            channels.push(AnyChannel::new(name, plane(&image.variance, c)));
+        }
+    }
+    let mut attributes = LayerAttributes::default();
+    for (name, count) in [(CLIPPED, image.clipped_shortest), (LOST, image.lost_longest)] {
+        let count = i32::try_from(count).unwrap_or(i32::MAX);
+        attributes.other.insert(Text::from(name), AttributeValue::I32(count));
+    }
+    let layer = Layer::new(
+        (image.width, image.height),
+        attributes,
+        Encoding::SMALL_LOSSLESS,
+        AnyChannels::sort(channels),
+    );
+    let file = Image::from_layer(layer);
+    atomic_write(path, overwrite, |out| {
+        file.write().to_buffered(out).map_err(|error| std::io::Error::other(error.to_string()))
+    })?;
+    Ok(())
+}
+
+/// Reads an EXR of ours or of other software: R, G, B or one channel, of 16- or 32-bit floats.
+///
+/// Without variance channels the variance is 1. Samples that are not finite become 0 with
+/// infinite variance.
+///
+/// # Errors
+/// Names the file when it is missing, corrupt, or has neither R, G, B nor a single channel.
+pub fn read_exr(path: impl AsRef<Path>) -> Result<HdrImage> {
+    let path = path.as_ref();
+    let bad = |found: String| CalibrationError::BadFile {
+        path: path.to_path_buf(),
+        expected: "an OpenEXR picture with channels R, G, B or a single one".into(),
+        found,
+    };
+    std::fs::metadata(path).map_err(CalibrationError::io(path))?;
+    let file = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|error| bad(error.to_string()))?;
+    let layer = &file.layer_data;
+    let Vec2(width, height) = layer.size;
+    let list = &layer.channel_data.list;
+    let named = |name: &str| {
+        list.iter().find(|c| c.name.to_string() == name).map(|c| &c.sample_data)
+    };
+    let colour: Option<Vec<_>> = names(3).iter().map(|name| named(name)).collect();
+    let grey = || {
+        let others: Vec<_> =
+            list.iter().filter(|c| !c.name.to_string().starts_with("variance.")).collect();
+        match others[..] {
+            [only] => Some(vec![&only.sample_data]),
+            _ => named("Y").map(|y| vec![y]),
+        }
+    };
+    let planes = colour.or_else(grey).ok_or_else(|| {
+        bad(format!("channels {:?}", list.iter().map(|c| c.name.to_string()).collect::<Vec<_>>()))
+    })?;
+    let channels = planes.len();
+    let variances: Option<Vec<_>> =
+        names(channels).iter().map(|name| named(&format!("variance.{name}"))).collect();
+    let pixels = width * height;
+    let all = planes.iter().chain(variances.iter().flatten());
+    if pixels == 0 || all.clone().any(|plane| plane.len() != pixels) {
+        return Err(bad(format!("sub-sampled or empty channels for {width}x{height} pixels")));
+    }
+    let interleave = |planes: &[&FlatSamples]| {
+        let mut data = vec![0.0_f32; pixels * channels];
+        for (c, plane) in planes.iter().enumerate() {
+            data.iter_mut().skip(c).step_by(channels).zip(plane.values_as_f32()).for_each(
+                |(sample, value)| *sample = value,
+            );
+        }
+        data
+    };
+    let mut radiance = interleave(&planes);
+    let mut variance = match &variances {
+        Some(planes) => interleave(planes),
+        None => vec![1.0; radiance.len()],
+    };
+    for (value, variance) in radiance.iter_mut().zip(&mut variance) {
+        if !value.is_finite() || variance.is_nan() || *variance < 0.0 {
+            *variance = f32::INFINITY;
+        }
+        if !value.is_finite() {
+            *value = 0.0;
+        }
+    }
+    let count = |name: &str| match layer.attributes.other.get(&Text::from(name)) {
+        Some(AttributeValue::I32(count)) => usize::try_from(*count).unwrap_or(0),
+        _ => 0,
+    };
+    Ok(HdrImage {
+        width,
+        height,
+        channels,
+        radiance,
+        variance,
+        variance_known: variances.is_some(),
+        clipped_shortest: count(CLIPPED),
+        lost_longest: count(LOST),
+    })
+}

@@ -1,0 +1,117 @@
+//! The camera's response: which exposure each code stands for.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{CalibrationError, Result};
+
+/// Knots of a response curve; knot k stands at code k/255 of full scale.
+pub const KNOTS: usize = 256;
+
+/// Knot at which every curve has the exposure of a linear sensor, so that mid grey stays grey.
+const MID: usize = 128;
+
+/// Inverse of the camera's transfer function, one curve per channel.
+///
+/// A curve gives the relative exposure (radiance times time) at 256 knots over the code range,
+/// positive but for the darkest and strictly increasing; between knots it is linear, so that a
+/// linear sensor is represented exactly. Every curve passes through code 128/255 → 128/255: the
+/// scale between channels, which no bracket can tell, is fixed by keeping mid grey neutral.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "RawResponse", into = "RawResponse")]
+pub struct Response {
+    exposure: Vec<Vec<f64>>,
+}
+
+impl Response {
+    /// A linear sensor of one or three channels: exposure = code.
+    pub fn identity(channels: usize) -> Self {
+        let line: Vec<f64> = (0..KNOTS).map(|k| k as f64 / (KNOTS - 1) as f64).collect();
+        Self { exposure: vec![line; channels] }
+    }
+
+    /// Curves from exposures at the knots, one vector of 256 per channel, scaled as documented.
+    ///
+    /// # Errors
+    /// No channel, another number of knots, or a curve that does not increase strictly.
+    pub fn from_exposures(exposure: Vec<Vec<f64>>) -> Result<Self> {
+        let good = |curve: &Vec<f64>| {
+            curve.len() == KNOTS
+                && curve.iter().all(|x| x.is_finite() && *x >= 0.0)
+                && curve.windows(2).all(|w| w[0] < w[1])
+        };
+        if exposure.is_empty() || !exposure.iter().all(good) {
+            return Err(CalibrationError::BadInput {
+                what: "response curve".into(),
+                expected: format!("{KNOTS} strictly increasing exposures for each channel"),
+                found: format!(
+                    "{} channels of {:?} knots, strictly increasing: {:?}",
+                    exposure.len(),
+                    exposure.iter().map(Vec::len).collect::<Vec<_>>(),
+                    exposure.iter().map(good).collect::<Vec<_>>()
+                ),
+            });
+        }
+        let anchored = |curve: Vec<f64>| {
+            let scale = MID as f64 / (KNOTS - 1) as f64 / curve[MID];
+            curve.into_iter().map(|x| x * scale).collect()
+        };
+        Ok(Self { exposure: exposure.into_iter().map(anchored).collect() })
+    }
+
+    /// Number of channels.
+    pub fn channels(&self) -> usize {
+        self.exposure.len()
+    }
+
+    /// The relative exposure of a code (0..1 of full scale); beyond both ends the last segment
+    /// goes on. A channel that is not there answers as channel 0.
+    pub fn linearise(&self, code: f64, channel: usize) -> f64 {
+        let (low, step, fraction) = self.segment(code, channel);
+        low + step * fraction
+    }
+
+    /// d exposure / d code at a code (0..1), positive.
+    pub fn slope(&self, code: f64, channel: usize) -> f64 {
+        self.segment(code, channel).1 * (KNOTS - 1) as f64
+    }
+
+    /// Debevec & Malik's g(Z) = ln exposure at the knots, 0 at mid grey; −∞ for exposure 0.
+    pub fn log_exposure(&self, channel: usize) -> Vec<f64> {
+        let curve = self.curve(channel);
+        curve.iter().map(|x| (x / curve[MID]).ln()).collect()
+    }
+
+    /// Whether every code stands for more exposure than the one below.
+    pub fn is_strictly_increasing(&self) -> bool {
+        self.exposure.iter().all(|curve| curve.windows(2).all(|w| w[0] < w[1]))
+    }
+
+    fn curve(&self, channel: usize) -> &[f64] {
+        self.exposure.get(channel).unwrap_or(&self.exposure[0])
+    }
+
+    fn segment(&self, code: f64, channel: usize) -> (f64, f64, f64) {
+        let curve = self.curve(channel);
+        let position = code * (KNOTS - 1) as f64;
+        let k = (position.floor().max(0.0) as usize).min(KNOTS - 2);
+        (curve[k], curve[k + 1] - curve[k], position - k as f64)
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct RawResponse {
+    exposure: Vec<Vec<f64>>,
+}
+
+impl TryFrom<RawResponse> for Response {
+    type Error = CalibrationError;
+    fn try_from(raw: RawResponse) -> Result<Self> {
+        Self::from_exposures(raw.exposure)
+    }
+}
+
+impl From<Response> for RawResponse {
+    fn from(response: Response) -> Self {
+        Self { exposure: response.exposure }
+    }
+}
