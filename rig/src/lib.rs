@@ -1,1 +1,24 @@
-//! TODO
+//! The rig: camera, projector and bench behind traits, the capture plan as data, and the
+//! runner that carries a plan out, frame by frame, so that nothing is lost when it stops.
+//!
+//! The simulated rig is just another rig: nothing here can tell it from hardware.
+
+mod acquisition;
+mod device;
+mod frame;
+mod journal;
+mod pattern;
+mod plan;
+mod render;
+mod runner;
+
+pub use acquisition::{Acquisition, bracket};
+pub use device::{
+    Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Rig, Target,
+};
+pub use frame::{Frame, FrameError, FrameMetadata, FrameStats, read_frame, write_frame};
+pub use journal::{Entry, Event, Journal, JournalError, Recorded, StopStatus, read_journal};
+pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
+pub use plan::{Plan, PlanError, PlanSummary, PlanWarning, Purpose, Shot};
+pub use render::{FaceMap, ProjectorImage};
+pub use runner::{Outcome, Progress, RunError, RunOptions, Step, frame_path, run};

@@ -1,0 +1,248 @@
+//! What a rig consists of, as traits that hardware and the simulator both implement.
+
+use material::Face;
+use serde::{Deserialize, Serialize};
+
+use crate::{Frame, ProjectorImage};
+
+/// A whole rig.
+pub struct Rig {
+    /// Looks at the front face.
+    pub camera: Box<dyn Camera>,
+    /// Lights the lit face.
+    pub projector: Box<dyn Projector>,
+    /// Puts things where they belong.
+    pub bench: Box<dyn Bench>,
+}
+
+/// Takes pictures.
+pub trait Camera: Send {
+    /// What the camera is.
+    fn info(&self) -> CameraInfo;
+
+    /// Exposes for `exposure_s` seconds and returns the frame with the exposure time that
+    /// was really used, where the device tells.
+    ///
+    /// # Errors
+    /// The device does not answer, is gone, or cannot do that exposure.
+    fn expose(&mut self, exposure_s: f64) -> Result<Frame, DeviceError>;
+}
+
+/// What a camera delivers.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CameraInfo {
+    /// Maker and model, or whatever tells it from others.
+    pub name: String,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Values a pixel: 1 (grey) or 3 (R, G, B).
+    pub channels: u8,
+    /// Bits a value, 8 to 16: the largest value is 2^bit_depth − 1.
+    pub bit_depth: u8,
+}
+
+/// Shows pictures.
+pub trait Projector: Send {
+    /// What the projector is.
+    fn info(&self) -> ProjectorInfo;
+
+    /// Shows an image of the projector's own size and returns once the light is there.
+    ///
+    /// # Errors
+    /// The device does not answer or is gone, or the image has another size.
+    fn show(&mut self, image: &ProjectorImage) -> Result<(), DeviceError>;
+}
+
+/// What a projector takes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ProjectorInfo {
+    /// Maker and model, or whatever tells it from others.
+    pub name: String,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// Whoever puts a thing in front of the camera: a technician who is asked to, or the
+/// simulator.
+pub trait Bench: Send {
+    /// Puts `target`, and nothing else, on the rig and returns once it is there.
+    ///
+    /// # Errors
+    /// It could not be done, or somebody declined.
+    fn place(&mut self, target: &Target) -> Result<(), DeviceError>;
+}
+
+/// A thing that a picture is taken of.
+///
+/// Sheets and boards are thin enough to be seen from both sides when they are lit from
+/// either, so that back-lit rigs can use them as well as front-lit ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Target {
+    /// The block that is acquired, in its place.
+    Sample,
+    /// The printed chessboard, held up in the pose of that number.
+    Board {
+        /// Which pose, counted from 0; a technician chooses freely but differently each time.
+        pose: usize,
+    },
+    /// A blank white sheet over the printed chessboard, which has not moved since
+    /// [`Target::Board`] of the same number.
+    Sheet {
+        /// The pose of the board under it.
+        pose: usize,
+    },
+    /// The printed chessboard lying in the plane of a face of the sample, instead of the
+    /// sample: its pattern is centred on the face, its rows along x.
+    FaceBoard {
+        /// Which face's plane.
+        face: Face,
+    },
+    /// A white Lambertian sheet lying in the plane of a face, instead of the sample: lit by
+    /// projector white, it defines irradiance 1.
+    FaceSheet {
+        /// Which face's plane.
+        face: Face,
+    },
+    /// The colour chart in the plane of the front face, instead of the sample.
+    Chart,
+}
+
+impl std::fmt::Display for Target {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let plane = |face: &Face| match face {
+            Face::Front => "front",
+            Face::Back => "back",
+        };
+        match self {
+            Target::Sample => write!(f, "the sample"),
+            Target::Board { pose } => write!(f, "the chessboard in pose {}", pose + 1),
+            Target::Sheet { pose } => {
+                write!(f, "a white sheet over the chessboard in pose {}", pose + 1)
+            }
+            Target::FaceBoard { face } => {
+                write!(f, "the chessboard in the plane of the sample's {} face", plane(face))
+            }
+            Target::FaceSheet { face } => {
+                write!(f, "the white sheet in the plane of the sample's {} face", plane(face))
+            }
+            Target::Chart => write!(f, "the colour chart in the plane of the sample's front face"),
+        }
+    }
+}
+
+/// What a device did wrong. Each names the device; [`DeviceError::kind`] is what code that
+/// knows no device can act on.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// It is not there.
+    #[error("{device}: not found")]
+    NotFound {
+        /// The device.
+        device: String,
+    },
+    /// It is there, but this user may not open it.
+    #[error("{device}: no permission to open {path}")]
+    NoPermission {
+        /// The device.
+        device: String,
+        /// What could not be opened.
+        path: String,
+    },
+    /// Somebody else has it, or it has not finished.
+    #[error("{device}: busy")]
+    Busy {
+        /// The device.
+        device: String,
+    },
+    /// It was there and is gone.
+    #[error("{device}: disconnected")]
+    Disconnected {
+        /// The device.
+        device: String,
+    },
+    /// It did not answer in time.
+    #[error("{device}: no answer within {waited_s} s")]
+    Timeout {
+        /// The device.
+        device: String,
+        /// How long it was given, seconds.
+        waited_s: f64,
+    },
+    /// It answered something that its protocol does not know.
+    #[error("{device}: expected {expected}, received {:?}", String::from_utf8_lossy(bytes))]
+    Protocol {
+        /// The device.
+        device: String,
+        /// What the protocol asks for.
+        expected: String,
+        /// What came instead.
+        bytes: Vec<u8>,
+    },
+    /// It cannot do what was asked.
+    #[error("{device}: {reason}")]
+    Unsupported {
+        /// The device.
+        device: String,
+        /// What it can do and what was asked.
+        reason: String,
+    },
+    /// Somebody said no.
+    #[error("{device}: declined: {reason}")]
+    Declined {
+        /// The device, or the person.
+        device: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What a [`DeviceError`] amounts to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum DeviceErrorKind {
+    /// Not there.
+    NotFound,
+    /// Not allowed.
+    NoPermission,
+    /// Not now.
+    Busy,
+    /// Not any more.
+    Disconnected,
+    /// Not in time.
+    Timeout,
+    /// Not understood.
+    Protocol,
+    /// Not possible.
+    Unsupported,
+    /// Not wanted.
+    Declined,
+}
+
+impl DeviceErrorKind {
+    /// Whether the same request may well succeed a moment later.
+    pub fn is_transient(self) -> bool {
+        matches!(self, Self::Busy | Self::Timeout | Self::Protocol)
+    }
+}
+
+impl DeviceError {
+    /// What the error amounts to.
+    pub fn kind(&self) -> DeviceErrorKind {
+        match self {
+            Self::NotFound { .. } => DeviceErrorKind::NotFound,
+            Self::NoPermission { .. } => DeviceErrorKind::NoPermission,
+            Self::Busy { .. } => DeviceErrorKind::Busy,
+            Self::Disconnected { .. } => DeviceErrorKind::Disconnected,
+            Self::Timeout { .. } => DeviceErrorKind::Timeout,
+            Self::Protocol { .. } => DeviceErrorKind::Protocol,
+            Self::Unsupported { .. } => DeviceErrorKind::Unsupported,
+            Self::Declined { .. } => DeviceErrorKind::Declined,
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! The capture plan as data, so that it can be read, checked and timed without a rig.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{CameraInfo, Pattern, PatternError, Target};
+
+/// Below this, a colour-wheel projector may show less than a whole turn, and a display less
+/// than a whole frame.
+const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
+/// Reading a frame out, showing the next image and writing the last one, seconds.
+const PER_FRAME_S: f64 = 0.5;
+/// Putting something else on the bench, seconds.
+const PER_PLACEMENT_S: f64 = 60.0;
+
+/// Everything that is to be photographed, in order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// The shots.
+    pub shots: Vec<Shot>,
+}
+
+/// One thing under one pattern, at one or more exposures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shot {
+    /// Names the folder and the files: lower-case letters, digits and hyphens.
+    pub name: String,
+    /// What for.
+    pub purpose: Purpose,
+    /// Exposure times, seconds.
+    pub exposures_s: Vec<f64>,
+    /// Frames at each exposure.
+    pub repeats: u32,
+    /// What is in front of the camera.
+    pub target: Target,
+    /// What the projector shows.
+    pub pattern: Pattern,
+}
+
+/// What a shot is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Purpose {
+    /// Where camera and projector are.
+    Geometry,
+    /// The camera's response to exposure.
+    Response,
+    /// The camera's colours.
+    Colour,
+    /// Black level, ambient light, projector white.
+    Reference,
+    /// Goes into the fit.
+    Fit,
+    /// Kept out of the fit, to check it.
+    HeldOut,
+}
+
+/// Why a plan cannot be carried out.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// Nothing to do.
+    #[error("a plan needs at least one shot, found none")]
+    Empty,
+    /// A name that is no good for a folder.
+    #[error(
+        "shot {0:?}: names are 1 to 60 lower-case letters, digits and hyphens, beginning with a letter or digit"
+    )]
+    Name(String),
+    /// Two shots of one name.
+    #[error("two shots are named {0:?}")]
+    SameName(String),
+    /// No exposure, or one that is not positive and finite.
+    #[error("shot {shot:?}: exposure times must be positive and finite, found {found:?} s")]
+    Exposures {
+        /// The shot.
+        shot: String,
+        /// Its exposure times, seconds.
+        found: Vec<f64>,
+    },
+    /// No frames at all.
+    #[error("shot {0:?}: repeats must be at least 1, found 0")]
+    Repeats(String),
+    /// An impossible pattern.
+    #[error("shot {shot:?}: {source}")]
+    Pattern {
+        /// The shot.
+        shot: String,
+        /// What is wrong with its pattern.
+        source: PatternError,
+    },
+}
+
+/// What is doubtful about a plan, though it can be carried out.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanWarning {
+    /// An exposure shorter than a turn of a colour wheel.
+    #[error(
+        "shot {shot:?} exposes for {shortest_s} s: below 1/30 s a projector's colour wheel or refresh shows in the frames"
+    )]
+    ShortExposure {
+        /// The shot.
+        shot: String,
+        /// Its shortest exposure, seconds.
+        shortest_s: f64,
+    },
+}
+
+/// What a plan amounts to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlanSummary {
+    /// Shots.
+    pub shots: usize,
+    /// Frames, over all exposures and repeats.
+    pub frames: usize,
+    /// Times that something has to be put on the bench.
+    pub placements: usize,
+    /// Sum of all exposure times, seconds.
+    pub exposure_s: f64,
+    /// Exposures, half a second more for each frame and a minute for each placement, seconds.
+    pub estimated_s: f64,
+    /// Disk space before compression, which saves some of it.
+    pub bytes: u64,
+}
+
+impl Shot {
+    /// Frames of this shot.
+    pub fn frames(&self) -> usize {
+        self.exposures_s.len() * self.repeats as usize
+    }
+}
+
+impl Plan {
+    /// Checks a plan that came from outside.
+    ///
+    /// # Errors
+    /// The first thing that would keep it from being carried out.
+    pub fn check(&self) -> Result<(), PlanError> {
+        if self.shots.is_empty() {
+            return Err(PlanError::Empty);
+        }
+        let mut names = std::collections::HashSet::new();
+        for shot in &self.shots {
+            let name = || shot.name.clone();
+            let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            let length = (1..=60).contains(&shot.name.len());
+            if !length || !shot.name.chars().all(allowed) || shot.name.starts_with('-') {
+                return Err(PlanError::Name(name()));
+            }
+            if !names.insert(&shot.name) {
+                return Err(PlanError::SameName(name()));
+            }
+            let exposures = &shot.exposures_s;
+            if exposures.is_empty() || exposures.iter().any(|t| !(t.is_finite() && *t > 0.0)) {
+                return Err(PlanError::Exposures { shot: name(), found: exposures.clone() });
+            }
+            if shot.repeats == 0 {
+                return Err(PlanError::Repeats(name()));
+            }
+            shot.pattern.check().map_err(|source| PlanError::Pattern { shot: name(), source })?;
+        }
+        Ok(())
+    }
+
+    /// What is worth a second thought before starting.
+    pub fn warnings(&self) -> Vec<PlanWarning> {
+        let short = |shot: &Shot| {
+            let shortest_s = shot.exposures_s.iter().copied().fold(f64::INFINITY, f64::min);
+            // A written 0.0333 means 1/30.
+            (shortest_s < SHORTEST_SAFE_S * 0.999)
+                .then(|| PlanWarning::ShortExposure { shot: shot.name.clone(), shortest_s })
+        };
+        self.shots.iter().filter_map(short).collect()
+    }
+
+    /// How much there is to do, and what it takes.
+    pub fn summary(&self, camera: &CameraInfo) -> PlanSummary {
+        let frames = self.shots.iter().map(Shot::frames).sum();
+        let exposure = |s: &Shot| s.exposures_s.iter().sum::<f64>() * f64::from(s.repeats);
+        let exposure_s = self.shots.iter().map(exposure).sum();
+        let changes = self.shots.windows(2).filter(|pair| pair[0].target != pair[1].target);
+        let placements = changes.count() + usize::from(!self.shots.is_empty());
+        let frame_bytes =
+            u64::from(camera.width) * u64::from(camera.height) * u64::from(camera.channels) * 2;
+        PlanSummary {
+            shots: self.shots.len(),
+            frames,
+            placements,
+            exposure_s,
+            estimated_s: exposure_s
+                + frames as f64 * PER_FRAME_S
+                + placements as f64 * PER_PLACEMENT_S,
+            bytes: frames as u64 * frame_bytes,
+        }
+    }
+}

@@ -1,0 +1,351 @@
+//! Carries a plan out so that it can stop at any moment and go on later.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use material::{FileError, Overwrite, hash_file};
+
+use crate::{
+    DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal, JournalError, Plan,
+    PlanError, ProjectorImage, Rig, Shot, StopStatus, Target, write_frame,
+};
+
+/// Attempts at one request before a transient failure counts as a lasting one.
+const ATTEMPTS: u32 = 4;
+
+/// What a run needs beside the plan and the rig.
+#[derive(Clone, Copy)]
+pub struct RunOptions<'a> {
+    /// Set by somebody else, to end the run after the frame it is taking.
+    pub stop: &'a AtomicBool,
+    /// Where projector pixels fall on the lit face; needed for patterns on the face.
+    pub face_map: Option<FaceMap<'a>>,
+    /// Wait before a request is repeated; doubled each time.
+    pub retry_wait: Duration,
+}
+
+/// A frame is there, or something is tried again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress<'a> {
+    /// Frames that are there.
+    pub done: usize,
+    /// Frames of the plan.
+    pub total: usize,
+    /// Name of the shot.
+    pub shot: &'a str,
+    /// What happened.
+    pub step: Step,
+    /// Time that the rest should take, judged by the frames so far, seconds.
+    pub left_s: Option<f64>,
+}
+
+/// What happened to a frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// It was there already, unchanged.
+    Kept,
+    /// It was taken.
+    Taken,
+    /// Not yet: what was wrong, in words; it is tried again.
+    Retried(String),
+}
+
+/// How a run that did not fail ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Frames taken now.
+    pub taken: usize,
+    /// Frames that were there already, unchanged.
+    pub kept: usize,
+    /// Frames of the plan that are still missing, because the run was asked to stop.
+    pub missing: usize,
+}
+
+/// Why a run failed. Everything taken so far is kept, and the run can be repeated.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The plan makes no sense.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The journal cannot be used.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The camera delivered something impossible, or it could not be written.
+    #[error("shot {shot:?}: {source}")]
+    Frame {
+        /// The shot.
+        shot: String,
+        /// What is wrong with the frame.
+        source: FrameError,
+    },
+    /// A device failed for good.
+    #[error("shot {shot:?}: {source}")]
+    Device {
+        /// The shot.
+        shot: String,
+        /// What the device did.
+        source: DeviceError,
+    },
+    /// A pattern on the face, but nobody knows where the face is.
+    #[error("shot {0:?}: its pattern lies on the lit face, which needs a calibrated projector")]
+    NoFaceMap(String),
+    /// The session holds frames of that name taken under other settings.
+    #[error(
+        "shot {shot:?}: {file} was taken with another target, pattern or exposure time than the plan has now"
+    )]
+    OtherSettings {
+        /// The shot.
+        shot: String,
+        /// The frame, relative to the session.
+        file: String,
+    },
+}
+
+/// Where a frame is kept, relative to the session: `frames/SHOT/SHOT-e0-r0.png`.
+pub fn frame_path(shot: &str, exposure_index: usize, repeat: u32) -> String {
+    format!("frames/{shot}/{shot}-e{exposure_index}-r{repeat}.png")
+}
+
+/// Takes every frame of `plan` that `session` does not hold yet.
+///
+/// Frames go to `session/frames`, and `session/journal.jsonl` says what happened. A frame
+/// counts as there when its file still hashes to what the journal says; one that does not,
+/// or that the journal does not know, is moved aside (`….png.set-aside-1`) and taken again.
+/// So a run that was stopped, or whose machine lost power, is simply repeated.
+///
+/// # Errors
+/// See [`RunError`]; the journal's last line then says `failed` and why.
+pub fn run(
+    plan: &Plan,
+    rig: &mut Rig,
+    session: &Path,
+    options: RunOptions<'_>,
+    progress: &mut dyn FnMut(Progress<'_>),
+) -> Result<Outcome, RunError> {
+    plan.check()?;
+    if options.face_map.is_none() {
+        let on_face = |shot: &&Shot| matches!(shot.pattern, crate::Pattern::Face { .. });
+        if let Some(shot) = plan.shots.iter().find(on_face) {
+            return Err(RunError::NoFaceMap(shot.name.clone()));
+        }
+    }
+    let (mut journal, recorded) = Journal::open(&session.join("journal.jsonl"))?;
+    let known = recorded.entries.into_iter().filter_map(|entry| match entry.event {
+        Event::FrameWritten { file, blake3, settings, .. } => Some((file, (blake3, settings))),
+        _ => None,
+    });
+    // Later lines replace earlier ones: a frame that was taken again.
+    let known: HashMap<String, (String, String)> = known.collect();
+    let total = plan.shots.iter().map(Shot::frames).sum();
+    journal.append(Event::Started { version: env!("CARGO_PKG_VERSION").into(), frames: total })?;
+
+    let mut run = Run { rig, session, options, journal, progress, total, known: &known };
+    let result = run.all(plan);
+    let (status, reason) = match &result {
+        Ok(outcome) if outcome.missing == 0 => (StopStatus::Done, "every frame is there".into()),
+        Ok(outcome) => {
+            (StopStatus::Stopped, format!("asked to stop, {} frames missing", outcome.missing))
+        }
+        Err(error) => (StopStatus::Failed, error.to_string()),
+    };
+    let noted = run.journal.append(Event::Stopped { status, reason });
+    // The first error is the one that matters.
+    let outcome = result?;
+    noted?;
+    Ok(outcome)
+}
+
+struct Run<'a, 'p> {
+    rig: &'a mut Rig,
+    session: &'a Path,
+    options: RunOptions<'a>,
+    journal: Journal,
+    progress: &'a mut (dyn FnMut(Progress<'_>) + 'p),
+    total: usize,
+    known: &'a HashMap<String, (String, String)>,
+}
+
+impl Run<'_, '_> {
+    fn all(&mut self, plan: &Plan) -> Result<Outcome, RunError> {
+        let began = Instant::now();
+        let mut exposed_s = 0.0;
+        let mut to_expose_s: f64 = plan
+            .shots
+            .iter()
+            .map(|s| s.exposures_s.iter().sum::<f64>() * f64::from(s.repeats))
+            .sum();
+        let mut outcome = Outcome { taken: 0, kept: 0, missing: 0 };
+        let mut placed: Option<Target> = None;
+        for shot in &plan.shots {
+            let mut shown = false;
+            for (exposure_index, &requested_s) in shot.exposures_s.iter().enumerate() {
+                for repeat in 0..shot.repeats {
+                    to_expose_s -= requested_s;
+                    let kept = self.is_there(shot, exposure_index, repeat)?;
+                    if !kept {
+                        if self.options.stop.load(Ordering::Relaxed) {
+                            outcome.missing += 1;
+                            continue;
+                        }
+                        if placed != Some(shot.target) {
+                            let place = |rig: &mut Rig| rig.bench.place(&shot.target);
+                            self.persist(shot, &outcome, place)?;
+                            placed = Some(shot.target);
+                        }
+                        if !shown {
+                            self.show(shot, &outcome)?;
+                            shown = true;
+                        }
+                        self.take(shot, exposure_index, repeat, &outcome)?;
+                        exposed_s += requested_s;
+                    }
+                    let step = if kept { Step::Kept } else { Step::Taken };
+                    *(if kept { &mut outcome.kept } else { &mut outcome.taken }) += 1;
+                    let done = outcome.kept + outcome.taken;
+                    let overhead_s = (began.elapsed().as_secs_f64() - exposed_s).max(0.0)
+                        / outcome.taken.max(1) as f64;
+                    let left_s = to_expose_s + overhead_s * (self.total - done) as f64;
+                    (self.progress)(Progress {
+                        done,
+                        total: self.total,
+                        shot: &shot.name,
+                        step,
+                        left_s: Some(left_s),
+                    });
+                }
+            }
+        }
+        Ok(outcome)
+    }
+
+    /// Whether the frame is on disk as the journal says. One that is not is moved aside.
+    fn is_there(
+        &mut self,
+        shot: &Shot,
+        exposure_index: usize,
+        repeat: u32,
+    ) -> Result<bool, RunError> {
+        let file = frame_path(&shot.name, exposure_index, repeat);
+        let path = self.session.join(&file);
+        let known = self.known.get(&file);
+        if known.is_some_and(|(_, taken)| *taken != settings(shot, exposure_index)) {
+            return Err(RunError::OtherSettings { shot: shot.name.clone(), file });
+        }
+        if !path.exists() {
+            return Ok(false);
+        }
+        let found = hash_file(&path)?;
+        let why = match known {
+            Some((hash, _)) if *hash == found => return Ok(true),
+            Some(_) => "has changed since it was taken",
+            None => "is not in the journal",
+        };
+        let aside = (1..).map(|n| PathBuf::from(format!("{}.set-aside-{n}", path.display())));
+        let aside = aside.into_iter().find(|aside| !aside.exists());
+        if let Some(aside) = aside {
+            let failed =
+                |source| FileError::Io { path: path.clone(), action: "move aside", source };
+            std::fs::rename(&path, &aside).map_err(failed)?;
+            let name = aside.file_name().unwrap_or_default().to_string_lossy();
+            let text = format!("{file} {why}: moved to {name} and taken again");
+            self.journal.append(Event::Note { text })?;
+        }
+        Ok(false)
+    }
+
+    fn show(&mut self, shot: &Shot, outcome: &Outcome) -> Result<(), RunError> {
+        let info = self.rig.projector.info();
+        let image: ProjectorImage = shot
+            .pattern
+            .render(info.width, info.height, self.options.face_map)
+            .ok_or_else(|| RunError::NoFaceMap(shot.name.clone()))?;
+        self.persist(shot, outcome, |rig| rig.projector.show(&image))
+    }
+
+    fn take(
+        &mut self,
+        shot: &Shot,
+        exposure_index: usize,
+        repeat: u32,
+        outcome: &Outcome,
+    ) -> Result<(), RunError> {
+        let requested_s = shot.exposures_s[exposure_index];
+        let frame: Frame = self.persist(shot, outcome, |rig| rig.camera.expose(requested_s))?;
+        let metadata = FrameMetadata {
+            shot: shot.name.clone(),
+            purpose: shot.purpose,
+            target: shot.target,
+            pattern: shot.pattern.clone(),
+            exposure_index,
+            repeat,
+            requested_s,
+            exposure_s: frame.exposure_s,
+            bit_depth: frame.bit_depth,
+            camera: self.rig.camera.info().name,
+            projector: self.rig.projector.info().name,
+        };
+        let file = frame_path(&shot.name, exposure_index, repeat);
+        let path = self.session.join(&file);
+        if let Some(folder) = path.parent() {
+            let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        write_frame(&path, &frame, &metadata, Overwrite::Refuse)
+            .map_err(|source| RunError::Frame { shot: shot.name.clone(), source })?;
+        self.journal.append(Event::FrameWritten {
+            shot: shot.name.clone(),
+            exposure_index,
+            repeat,
+            blake3: hash_file(&path)?,
+            file,
+            settings: settings(shot, exposure_index),
+            exposure_s: frame.exposure_s,
+            stats: frame.stats(),
+        })?;
+        Ok(())
+    }
+
+    /// Asks a device, and asks again where the failure may pass.
+    fn persist<T>(
+        &mut self,
+        shot: &Shot,
+        outcome: &Outcome,
+        mut request: impl FnMut(&mut Rig) -> Result<T, DeviceError>,
+    ) -> Result<T, RunError> {
+        let mut wait = self.options.retry_wait;
+        let mut attempt = 0;
+        loop {
+            attempt += 1;
+            let source = match request(self.rig) {
+                Ok(value) => return Ok(value),
+                Err(error) => error,
+            };
+            if attempt >= ATTEMPTS || !source.kind().is_transient() {
+                return Err(RunError::Device { shot: shot.name.clone(), source });
+            }
+            let text = format!("shot {:?}, attempt {attempt}: {source}", shot.name);
+            self.journal.append(Event::Note { text: text.clone() })?;
+            (self.progress)(Progress {
+                done: outcome.kept + outcome.taken,
+                total: self.total,
+                shot: &shot.name,
+                step: Step::Retried(text),
+                left_s: None,
+            });
+            std::thread::sleep(wait);
+            wait *= 2;
+        }
+    }
+}
+
+/// Tells frames apart that were taken under different settings.
+fn settings(shot: &Shot, exposure_index: usize) -> String {
+    let exposure = shot.exposures_s.get(exposure_index);
+    let text = serde_json::to_string(&(&shot.target, &shot.pattern, exposure)).unwrap_or_default();
+    blake3::hash(text.as_bytes()).to_hex().to_string()
+}
