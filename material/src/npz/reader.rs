@@ -153,10 +153,11 @@ impl NpzReader {
         let possible = entry.compressed_size().min(file_size).saturating_mul(MOST_COMPRESSION);
         let limit = entry.size().min(possible);
         let mut bytes = Vec::new();
-        // Grows as data arrives, so that a false size costs nothing.
+        // Grows as data arrives, so that a false size costs nothing. One byte more than there
+        // should be: the checksum is looked at where the entry ends, not a byte earlier.
         entry
             .by_ref()
-            .take(limit)
+            .take(limit.saturating_add(1))
             .read_to_end(&mut bytes)
             .map_err(|e| malformed(format!("cannot be unpacked: {e}")))?;
         let header = npy::parse(&bytes).map_err(malformed)?;

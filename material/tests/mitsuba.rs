@@ -1,0 +1,121 @@
+//! Mitsuba's volumes: layout, frame, the mapping to absorption and scattering.
+
+mod common;
+
+use common::sample;
+use material::mitsuba::{GridVolume, Impossible, absorption_and_scattering, export};
+use material::{Channel, Face, FileError, Grid, Material, Optics, Overwrite, Provenance};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+#[test]
+fn every_voxel_arrives_where_it_belongs() {
+    let folder = tempfile::tempdir().unwrap();
+    let material = sample(&["R", "G", "B"]);
+    let exported = export(folder.path(), &material, Impossible::Refuse, Overwrite::Refuse).unwrap();
+    assert_eq!(exported.clamped, 0);
+    let [sigma_t, albedo, sigma_a, sigma_s] =
+        exported.files.each_ref().map(|file| GridVolume::read(file).unwrap());
+    assert_eq!(sigma_t.cells, [5, 4, 3]);
+    // 5 · 0.1, 4 · 0.25 and 3 · 1/3 mm.
+    assert_eq!(sigma_t.bounds, [[0.0; 3], [0.5, 1.0, 1.0]]);
+    let grid = material.grid();
+    for (c, channel) in material.channels().iter().enumerate() {
+        for z in 0..3 {
+            for y in 0..4 {
+                for x in 0..5 {
+                    let i = grid.index(x, y, z);
+                    let (a, s) =
+                        absorption_and_scattering(channel.kappa_mm[i], channel.mu_per_mm[i]);
+                    let at = |volume: &GridVolume| volume.at_sample([x, y, z], c).unwrap();
+                    // Each value is rounded to f32 once.
+                    let close = |found: f32, expected: f64| {
+                        (f64::from(found) / expected - 1.0).abs() < f64::from(f32::EPSILON)
+                    };
+                    assert!(close(at(&sigma_a), a) && close(at(&sigma_s), s));
+                    assert!(close(at(&sigma_t), a + s) && close(at(&albedo), s / (a + s)));
+                }
+            }
+        }
+    }
+    // In Mitsuba's own order: the first cell is the back face's (z = 0 there) lower left
+    // corner, as the camera sees it; channels are fastest.
+    let back_lower_left = grid.index(0, 3, 2);
+    assert_eq!(sigma_a.data[1], material.channels()[1].mu_per_mm[back_lower_left]);
+    assert_eq!(sigma_a.data[3], material.channels()[0].mu_per_mm[back_lower_left + 1]);
+}
+
+/// σs' = 1/(3κ) − μ: κ = 1/3.03 and μ = 0.01 make σs' = 1.
+#[test]
+fn the_mapping_is_the_one_of_diffusion_theory() {
+    let (a, s) = absorption_and_scattering(1.0 / 3.03, 0.01);
+    // κ and μ are f32: 1e-7 each.
+    assert!((a - 0.01).abs() < 1e-8 && (s - 1.0).abs() < 3e-7, "{a} {s}");
+}
+
+#[test]
+fn impossible_voxels_are_counted_and_clamped_only_when_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = Grid::new([2, 2, 2], [1.0; 3]).unwrap();
+    let mut mu_per_mm = vec![0.01; 8];
+    mu_per_mm[3] = 2.0;
+    let channel = Channel { name: "Y".into(), kappa_mm: vec![0.3; 8], mu_per_mm, gain: 1.0 };
+    let optics = Optics::from_eta(1.3);
+    let material =
+        Material::new(grid, vec![channel], optics, Face::Back, Provenance::default()).unwrap();
+
+    let error =
+        export(folder.path(), &material, Impossible::Refuse, Overwrite::Refuse).unwrap_err();
+    assert!(error.to_string().contains("1 of 8"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+
+    let exported = export(folder.path(), &material, Impossible::Clamp, Overwrite::Refuse).unwrap();
+    assert_eq!(exported.clamped, 1);
+    let [sigma_t, albedo, ..] = exported.files.each_ref().map(|f| GridVolume::read(f).unwrap());
+    assert_eq!(sigma_t.at_sample([1, 1, 0], 0), Some(2.0));
+    assert_eq!(albedo.at_sample([1, 1, 0], 0), Some(0.0));
+    assert_eq!(albedo.at_sample([2, 0, 0], 0), None);
+
+    let again = export(folder.path(), &material, Impossible::Clamp, Overwrite::Refuse);
+    assert!(matches!(again, Err(FileError::Exists { .. })));
+}
+
+#[test]
+fn two_channels_do_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = export(folder.path(), &sample(&["R", "G"]), Impossible::Refuse, Overwrite::Refuse);
+    assert!(error.unwrap_err().to_string().contains("1, 3 or 6"));
+}
+
+#[test]
+fn damaged_volumes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.vol");
+    let grid = Grid::new([2, 3, 2], [1.0; 3]).unwrap();
+    let volume = GridVolume::from_grid(&grid, 1, |_, i| i as f32);
+    volume.write(&path, Overwrite::Refuse).unwrap();
+    assert_eq!(GridVolume::read(&path).unwrap(), volume);
+    let bytes = std::fs::read(&path).unwrap();
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        GridVolume::read(&path)
+    };
+    for cut in 0..bytes.len() {
+        assert!(read(&bytes[..cut]).is_err(), "cut at {cut}");
+    }
+    let changed = |at: usize, value: i32| {
+        let mut bytes = bytes.clone();
+        bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        bytes
+    };
+    for (at, value) in [(4, 2), (8, -1), (8, i32::MAX), (12, 0), (20, 3)] {
+        assert!(read(&changed(at, value)).is_err(), "{value} at {at}");
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for _ in 0..500 {
+        let mut noise = vec![0; random.random_range(4..200)];
+        random.fill(&mut noise[..]);
+        noise[..4].copy_from_slice(b"VOL\x03");
+        assert!(read(&noise).is_err());
+    }
+}
