@@ -14,10 +14,12 @@ mod exposure;
 mod exr_io;
 mod face;
 mod hdr;
+mod levenberg;
 mod merge;
 mod noise;
 mod photo;
 mod pose;
+mod projector;
 mod rectify;
 mod response;
 
@@ -36,5 +38,8 @@ pub use merge::{Merger, merge};
 pub use noise::NoiseModel;
 pub use photo::{Photo, list_pictures};
 pub use pose::Pose;
+pub use projector::{
+    ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector,
+};
 pub use rectify::{FaceMap, rectify};
 pub use response::{KNOTS, Response};
