@@ -1,0 +1,162 @@
+//! The CPU backend: multigrid-preconditioned conjugate gradients, matrix-free, all fields of a
+//! block in one pass, in single or double precision with a residual checked in double.
+
+mod level;
+mod multigrid;
+mod pcg;
+mod real;
+pub(crate) mod sweep;
+
+pub use real::Real;
+
+use crate::{Batch, LinearSolver, Operator, SolveError, SolveReport};
+use level::Hierarchy;
+use pcg::Krylov;
+use rayon::prelude::*;
+
+/// Restarts after which a solve that is still short of its tolerance is called stalled.
+const MAX_RESTARTS: usize = 12;
+/// Iterations between restarts.
+const MAX_ITERATIONS: usize = 200;
+
+/// Solves on the CPU. `T` is the precision of the iteration and its preconditioner; the
+/// solution and the residual that decides are double whatever `T`, by iterative refinement.
+pub struct CpuSolver<T> {
+    prepared: Option<(Operator, Hierarchy<T>)>,
+}
+
+impl<T: Real> CpuSolver<T> {
+    /// A solver without an operator yet.
+    pub fn new() -> Self {
+        Self { prepared: None }
+    }
+}
+
+impl<T: Real> Default for CpuSolver<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Real> LinearSolver for CpuSolver<T> {
+    fn prepare(&mut self, operator: Operator) -> Result<(), SolveError> {
+        let hierarchy = Hierarchy::new(&operator);
+        self.prepared = Some((operator, hierarchy));
+        Ok(())
+    }
+
+    fn solve(
+        &mut self,
+        b: &Batch,
+        x: &mut Batch,
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        let (operator, hierarchy) = self.prepared.as_ref().ok_or(SolveError::NotPrepared)?;
+        if b.cells() != operator.len() {
+            return Err(SolveError::WrongSize { expected: operator.len(), found: b.cells() });
+        }
+        if b.lanes() == 16 {
+            solve_batch::<T, 16>(operator, hierarchy, b, x, tolerance)
+        } else {
+            solve_batch::<T, 4>(operator, hierarchy, b, x, tolerance)
+        }
+    }
+
+    fn operator(&self) -> Option<&Operator> {
+        self.prepared.as_ref().map(|(operator, _)| operator)
+    }
+}
+
+fn solve_batch<T: Real, const L: usize>(
+    operator: &Operator,
+    hierarchy: &Hierarchy<T>,
+    b: &Batch,
+    x: &mut Batch,
+    tolerance: f64,
+) -> Result<SolveReport, SolveError> {
+    let mut krylov = Krylov::<T, L>::new(hierarchy);
+    let mut report = SolveReport { right_hand_sides: b.count(), ..SolveReport::default() };
+    for block in 0..b.blocks() {
+        let first_field = block * L;
+        let (iterations, residual) = solve_block(
+            operator,
+            hierarchy,
+            &mut krylov,
+            b.block(block),
+            x.block_mut(block),
+            tolerance,
+        )
+        .map_err(|error| match error {
+            SolveError::NotFinite { field } => SolveError::NotFinite { field: first_field + field },
+            other => other,
+        })?;
+        report.iterations = report.iterations.max(iterations);
+        report.relative_residual = report.relative_residual.max(residual);
+    }
+    Ok(report)
+}
+
+/// Iterative refinement: residual in double, correction in `T`, until the residual is there.
+fn solve_block<T: Real, const L: usize>(
+    operator: &Operator,
+    hierarchy: &Hierarchy<T>,
+    krylov: &mut Krylov<T, L>,
+    b: &[f64],
+    x: &mut [f64],
+    tolerance: f64,
+) -> Result<(usize, f64), SolveError> {
+    let b = b.as_chunks::<L>().0;
+    let x = x.as_chunks_mut::<L>().0;
+    let b_norm = norms(b);
+    if let Some(field) = b_norm.iter().position(|n| !n.is_finite()) {
+        return Err(SolveError::NotFinite { field });
+    }
+    for lane in 0..L {
+        if b_norm[lane] == 0.0 || x.iter().any(|v| !v[lane].is_finite()) {
+            x.iter_mut().for_each(|v| v[lane] = 0.0);
+        }
+    }
+    let mut history = Vec::new();
+    let mut iterations = 0;
+    let mut previous = f64::INFINITY;
+    for _ in 0..MAX_RESTARTS {
+        let r_norm = operator.residual_into(b, x, &mut krylov.r);
+        let relative =
+            (0..L).filter(|&l| b_norm[l] > 0.0).map(|l| r_norm[l] / b_norm[l]).fold(0.0, f64::max);
+        if relative <= tolerance {
+            return Ok((iterations, relative));
+        }
+        if !relative.is_finite() || relative > 0.5 * previous {
+            break;
+        }
+        previous = relative;
+        // A lane that is there already keeps its solution; the others aim a little below the
+        // tolerance, so that rounding in the update does not cost another restart.
+        let scale: [f64; L] =
+            std::array::from_fn(
+                |l| {
+                    if r_norm[l] > tolerance * b_norm[l] { b_norm[l] } else { 0.0 }
+                },
+            );
+        let target: [f64; L] = std::array::from_fn(|l| {
+            (0.7 * tolerance * b_norm[l]).max(T::RESIDUAL_FLOOR * r_norm[l])
+        });
+        iterations += krylov.run(hierarchy, &scale, &target, MAX_ITERATIONS, &mut history);
+        x.par_iter_mut().zip(&krylov.x).with_min_len(4096).for_each(|(x, d)| {
+            for l in 0..L {
+                x[l] += d[l].to_f64();
+            }
+        });
+    }
+    Err(SolveError::Stalled { wanted: tolerance, reached: previous, iterations, history })
+}
+
+fn norms<const L: usize>(values: &[[f64; L]]) -> [f64; L] {
+    let mut sum = [0.0; L];
+    for v in values {
+        for l in 0..L {
+            sum[l] += v[l] * v[l];
+        }
+    }
+    sum.map(f64::sqrt)
+}

@@ -1,0 +1,283 @@
+//! One symmetric V-cycle, the preconditioner of the conjugate gradients.
+//!
+//! Smoother: two steps of Chebyshev's iteration on D⁻¹A before and after the coarse correction.
+//! Transfers: sums down, constants up; the coarse operators are finite-volume operators
+//! of their own (see `level`). Every pass is fused so that nothing is written that can be
+//! computed again from what is being read anyway.
+
+use super::level::{Hierarchy, Level};
+use super::real::{Lanes, Real, lane_mul_add, scale, scale_add, splat, sum};
+use super::sweep::{RowKernel, neighbour_sum, rows};
+
+/// Eigenvalues of D⁻¹A above this share of the largest are left to the smoother. Measured on
+/// 64×64×20 and 130×53×37 with contrast 75: 7 to 8 iterations to 1e-6 with 0.25.
+const SMOOTHED: f64 = 0.25;
+
+/// Weights of two Chebyshev steps on the interval [2 · SMOOTHED, 2]: the first step is
+/// x₁ = x₀ + D⁻¹r₀/θ, the second x₂ = x₁ + momentum (x₁ − x₀) + step D⁻¹r₁.
+struct Chebyshev<T> {
+    first: T,
+    minus_momentum: T,
+    step: T,
+    /// From x₀ = 0 both steps together are D⁻¹(own · b + others · Σ t D⁻¹b).
+    own: T,
+    others: T,
+    /// 1 − 1/θ.
+    keep: T,
+    /// 1 + momentum − step.
+    half_way: T,
+}
+
+impl<T: Real> Chebyshev<T> {
+    fn new() -> Self {
+        let (low, high) = (2.0 * SMOOTHED, 2.0);
+        let (centre, radius) = ((high + low) / 2.0, (high - low) / 2.0);
+        let sigma = centre / radius;
+        let rho = 1.0 / (2.0 * sigma - 1.0 / sigma);
+        let (momentum, step) = (rho / sigma, 2.0 * rho / radius);
+        Self {
+            first: T::from_f64(1.0 / centre),
+            minus_momentum: T::from_f64(-momentum),
+            step: T::from_f64(step),
+            own: T::from_f64((1.0 + momentum) / centre + step * (1.0 - 1.0 / centre)),
+            others: T::from_f64(step / centre),
+            keep: T::from_f64(1.0 - 1.0 / centre),
+            half_way: T::from_f64(1.0 + momentum - step),
+        }
+    }
+}
+
+/// Work space of one level.
+struct Space<T, const L: usize> {
+    /// Right-hand side (empty on the finest level, where the caller holds it).
+    b: Vec<Lanes<T, L>>,
+    /// After smoothing down; then the answer.
+    x: Vec<Lanes<T, L>>,
+    /// Half-way through smoothing up.
+    y: Vec<Lanes<T, L>>,
+}
+
+/// The cycle with its work space.
+pub(crate) struct VCycle<T, const L: usize> {
+    spaces: Vec<Space<T, L>>,
+    weights: Chebyshev<T>,
+}
+
+impl<T: Real, const L: usize> VCycle<T, L> {
+    pub fn new(hierarchy: &Hierarchy<T>) -> Self {
+        let spaces = hierarchy
+            .levels
+            .iter()
+            .enumerate()
+            .map(|(k, level)| {
+                let field =
+                    |wanted: bool| vec![splat(T::ZERO); if wanted { level.len() } else { 0 }];
+                let smoothed = k + 1 < hierarchy.levels.len();
+                Space { b: field(k > 0), x: field(true), y: field(smoothed) }
+            })
+            .collect();
+        Self { spaces, weights: Chebyshev::new() }
+    }
+
+    /// z ≈ A⁻¹ r; returns r · z lane by lane. The answer is in [`Self::answer`].
+    pub fn apply(&mut self, hierarchy: &Hierarchy<T>, r: &[Lanes<T, L>]) -> [f64; L] {
+        cycle(
+            &hierarchy.levels,
+            &hierarchy.coarsest_inverse,
+            &mut self.spaces,
+            &self.weights,
+            Some(r),
+        )
+    }
+
+    /// The last answer.
+    pub fn answer(&self) -> &[Lanes<T, L>] {
+        &self.spaces[0].x
+    }
+}
+
+fn cycle<T: Real, const L: usize>(
+    levels: &[Level<T>],
+    coarsest_inverse: &[T],
+    spaces: &mut [Space<T, L>],
+    weights: &Chebyshev<T>,
+    outer_b: Option<&[Lanes<T, L>]>,
+) -> [f64; L] {
+    let (here, below) = match spaces.split_first_mut() {
+        Some(parts) => parts,
+        None => return [0.0; L],
+    };
+    let Space { b, x, y } = here;
+    let b = outer_b.unwrap_or(b);
+    let level = &levels[0];
+    let Some(coarse) = below.first_mut() else {
+        return solve_directly(coarsest_inverse, b, x);
+    };
+    let next = levels[1].cells;
+    rows(level.cells, x, &SmoothFromZero { level, weights, b });
+    rows(next, &mut coarse.b, &RestrictResidual { level, b, x });
+    cycle(&levels[1..], coarsest_inverse, below, weights, None);
+    let correction = Correction::new(level, next, &below[0].x);
+    rows(level.cells, y, &FirstStepUp { level, weights, b, x, correction });
+    rows(level.cells, x, &SecondStepUp { level, weights, b, half_way: y, correction })
+}
+
+fn solve_directly<T: Real, const L: usize>(
+    inverse: &[T],
+    b: &[Lanes<T, L>],
+    x: &mut [Lanes<T, L>],
+) -> [f64; L] {
+    let n = b.len();
+    let mut dot = [0.0; L];
+    for (i, out) in x.iter_mut().enumerate() {
+        let mut acc = splat(T::ZERO);
+        for (a, value) in inverse[i * n..(i + 1) * n].iter().zip(b) {
+            acc = scale_add(*a, value, &acc);
+        }
+        *out = acc;
+        for l in 0..L {
+            dot[l] += (acc[l].mul(b[i][l])).to_f64();
+        }
+    }
+    dot
+}
+
+/// x = two Chebyshev steps from zero.
+struct SmoothFromZero<'a, T, const L: usize> {
+    level: &'a Level<T>,
+    weights: &'a Chebyshev<T>,
+    b: &'a [Lanes<T, L>],
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for SmoothFromZero<'_, T, L> {
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
+        let Self { level, weights, b } = *self;
+        let inverse = &level.inverse_diagonal;
+        let first = level.row_start(y, z);
+        for (x, o) in out.iter_mut().enumerate() {
+            let i = first + x;
+            let zero = splat(T::ZERO);
+            let s = neighbour_sum(level, [x, y, z], i, zero, |j, _| scale(inverse[j], &b[j]));
+            let others = scale(inverse[i].mul(weights.others), &s);
+            *o = scale_add(inverse[i].mul(weights.own), &b[i], &others);
+        }
+    }
+}
+
+/// out = Σ over the children of b − A x, on the coarse grid.
+struct RestrictResidual<'a, T, const L: usize> {
+    level: &'a Level<T>,
+    b: &'a [Lanes<T, L>],
+    x: &'a [Lanes<T, L>],
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for RestrictResidual<'_, T, L> {
+    #[inline(always)]
+    fn row(&self, cy: usize, cz: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
+        let Self { level, b, x } = *self;
+        let [nx, ny, nz] = level.cells;
+        let [fx, fy, fz] = level.factor;
+        out.fill(splat(T::ZERO));
+        for z in cz * fz..(cz * fz + fz).min(nz) {
+            for y in cy * fy..(cy * fy + fy).min(ny) {
+                let first = level.row_start(y, z);
+                for xx in 0..nx {
+                    let i = first + xx;
+                    let own = scale_add(level.minus_diagonal[i], &x[i], &b[i]);
+                    let r = neighbour_sum(level, [xx, y, z], i, own, |j, _| x[j]);
+                    let o = &mut out[xx / fx];
+                    *o = sum(o, &r);
+                }
+            }
+        }
+    }
+}
+
+/// The coarse answer, looked up from the fine grid.
+#[derive(Clone, Copy)]
+struct Correction<'a, T, const L: usize> {
+    shift: [u32; 3],
+    strides: [usize; 2],
+    values: &'a [Lanes<T, L>],
+}
+
+impl<'a, T: Real, const L: usize> Correction<'a, T, L> {
+    fn new(level: &Level<T>, coarse: [usize; 3], values: &'a [Lanes<T, L>]) -> Self {
+        let shift = level.factor.map(|f| u32::from(f == 2));
+        Self { shift, strides: [coarse[0], coarse[0] * coarse[1]], values }
+    }
+
+    #[inline(always)]
+    fn at(&self, [x, y, z]: [usize; 3]) -> &Lanes<T, L> {
+        let [sx, sy, sz] = self.shift;
+        &self.values[(z >> sz) * self.strides[1] + (y >> sy) * self.strides[0] + (x >> sx)]
+    }
+}
+
+/// The six neighbours' positions, in the order of [`neighbour_sum`].
+#[inline(always)]
+fn step([x, y, z]: [usize; 3], direction: usize) -> [usize; 3] {
+    match direction {
+        0 => [x - 1, y, z],
+        1 => [x + 1, y, z],
+        2 => [x, y - 1, z],
+        3 => [x, y + 1, z],
+        4 => [x, y, z - 1],
+        _ => [x, y, z + 1],
+    }
+}
+
+/// out = v + D⁻¹(b − A v)/θ with v = x + correction.
+struct FirstStepUp<'a, T, const L: usize> {
+    level: &'a Level<T>,
+    weights: &'a Chebyshev<T>,
+    b: &'a [Lanes<T, L>],
+    x: &'a [Lanes<T, L>],
+    correction: Correction<'a, T, L>,
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for FirstStepUp<'_, T, L> {
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
+        let Self { level, weights, b, x, correction } = *self;
+        let first = level.row_start(y, z);
+        for (xx, o) in out.iter_mut().enumerate() {
+            let at = [xx, y, z];
+            let i = first + xx;
+            let s =
+                neighbour_sum(level, at, i, b[i], |j, d| sum(&x[j], correction.at(step(at, d))));
+            let v = sum(&x[i], correction.at(at));
+            let d = level.inverse_diagonal[i].mul(weights.first);
+            *o = scale_add(d, &s, &scale(weights.keep, &v));
+        }
+    }
+}
+
+/// out (holding x) = h + momentum (h − v) + step D⁻¹(b − A h) with h the half-way point and
+/// v = x + correction; the dot is out · b.
+struct SecondStepUp<'a, T, const L: usize> {
+    level: &'a Level<T>,
+    weights: &'a Chebyshev<T>,
+    b: &'a [Lanes<T, L>],
+    half_way: &'a [Lanes<T, L>],
+    correction: Correction<'a, T, L>,
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for SecondStepUp<'_, T, L> {
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<T, L>) {
+        let Self { level, weights, b, half_way: h, correction } = *self;
+        let first = level.row_start(y, z);
+        for (xx, o) in out.iter_mut().enumerate() {
+            let at = [xx, y, z];
+            let i = first + xx;
+            // D⁻¹(b − A h) = D⁻¹(b + Σ t h) − h, and the −h is in `weights.half_way`.
+            let s = neighbour_sum(level, at, i, b[i], |j, _| h[j]);
+            let v = sum(o, correction.at(at));
+            let kept = scale_add(weights.minus_momentum, &v, &scale(weights.half_way, &h[i]));
+            *o = scale_add(level.inverse_diagonal[i].mul(weights.step), &s, &kept);
+            *dot = lane_mul_add(o, &b[i], dot);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! From coefficients and light to fluence and images.
+
+use crate::{
+    Batch, Illuminations, LinearSolver, Medium, Operator, SolveError, SolveReport, SurfaceModel,
+    beam,
+};
+use material::{Face, Optics};
+
+/// The forward problem of one medium: set up once, solved for any illumination.
+pub struct Forward<'a, S> {
+    medium: Medium,
+    surface: SurfaceModel,
+    solver: &'a mut S,
+}
+
+impl<'a, S: LinearSolver> Forward<'a, S> {
+    /// Prepares `solver` for a medium.
+    ///
+    /// # Errors
+    /// The backend cannot hold the operator.
+    pub fn new(medium: Medium, optics: &Optics, solver: &'a mut S) -> Result<Self, SolveError> {
+        solver.prepare(Operator::new(&medium, optics))?;
+        Ok(Self { medium, surface: SurfaceModel::new(optics), solver })
+    }
+
+    /// The medium.
+    pub fn medium(&self) -> &Medium {
+        &self.medium
+    }
+
+    /// The right-hand side for a set of patterns: light through the boundary, and the
+    /// first-scatter source of a collimated beam.
+    pub fn right_hand_side(&self, light: &Illuminations) -> Batch {
+        let grid = self.medium.grid();
+        let plane = grid.face_len();
+        let mut b = Batch::zeros(grid.len(), light.count());
+        if self.surface.beam != 0.0 {
+            let source = beam::first_scatter(&self.medium, light.face());
+            for (m, map) in light.maps().iter().enumerate() {
+                for (cell, s) in source.iter().enumerate() {
+                    b.set(m, cell, self.surface.beam * s * map[cell % plane]);
+                }
+            }
+        }
+        if self.surface.drive != 0.0 {
+            let g = self.face_conductance(light.face());
+            let first = self.first_cell(light.face());
+            for (m, map) in light.maps().iter().enumerate() {
+                for (c, (g, e)) in g.iter().zip(map).enumerate() {
+                    let at = b.get(m, first + c) + g * self.surface.drive * e;
+                    b.set(m, first + c, at);
+                }
+            }
+        }
+        b
+    }
+
+    /// Fluence of every pattern, starting from `fluence` (zeros, or a near solution).
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`].
+    pub fn solve(
+        &mut self,
+        light: &Illuminations,
+        fluence: &mut Batch,
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        let b = self.right_hand_side(light);
+        self.solver.solve(&b, fluence, tolerance)
+    }
+
+    /// Solves A x = b for any right-hand side (the adjoint problem has the same matrix).
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`].
+    pub fn solve_raw(
+        &mut self,
+        b: &Batch,
+        x: &mut Batch,
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        self.solver.solve(b, x, tolerance)
+    }
+
+    /// Radiance that leaves a face along its normal, one map a pattern (nx × ny, x fastest),
+    /// in units of 1/sr times the irradiance unit.
+    pub fn exit_radiance(
+        &self,
+        light: &Illuminations,
+        fluence: &Batch,
+        face: Face,
+    ) -> Vec<Vec<f64>> {
+        let g = self.face_conductance(face);
+        let first = self.first_cell(face);
+        let area = self.face_area();
+        let lit = face == light.face();
+        let exit = (0..light.count()).map(|m| {
+            let map = &light.maps()[m];
+            let pixel = |c: usize| {
+                let e = if lit { map[c] } else { 0.0 };
+                let outside = self.surface.drive * e;
+                let flux = g[c] / area * (fluence.get(m, first + c) - outside);
+                self.surface.exit_per_flux * flux + self.surface.exit_per_irradiance * e
+            };
+            (0..g.len()).map(pixel).collect()
+        });
+        exit.collect()
+    }
+
+    /// The numbers of the boundary convention.
+    pub fn surface(&self) -> &SurfaceModel {
+        &self.surface
+    }
+
+    pub(crate) fn solver_operator(&self) -> Option<&Operator> {
+        self.solver.operator()
+    }
+
+    pub(crate) fn face_conductance(&self, face: Face) -> &[f64] {
+        self.solver.operator().map_or(&[], |operator| operator.face_conductance(face))
+    }
+
+    pub(crate) fn first_cell(&self, face: Face) -> usize {
+        match face {
+            Face::Front => 0,
+            Face::Back => self.medium.grid().len() - self.medium.grid().face_len(),
+        }
+    }
+
+    pub(crate) fn face_area(&self) -> f64 {
+        let [hx, hy, _] = self.medium.grid().spacing_mm();
+        hx * hy
+    }
+}

@@ -1,0 +1,201 @@
+//! The finite-volume operator of ∇·(κ∇φ) − μφ with Robin faces, in double precision.
+
+use crate::cpu::sweep::{RowKernel, rows};
+use crate::{Batch, Medium, Real};
+use material::{Face, LateralBoundary, Optics};
+use rayon::prelude::*;
+
+/// Conservative, cell-centred finite volumes (design: harmonic face conductances).
+///
+/// Between cells a and b: T = A_f / (h/(2κa) + h/(2κb)). At a boundary face the surface value
+/// is eliminated: g = A_f / (2C + h/(2κ)). The matrix is symmetric positive definite, so the
+/// adjoint problem has the same matrix. Units: conductances mm², so that A φ is φ · mm².
+#[derive(Clone, Debug)]
+pub struct Operator {
+    cells: [usize; 3],
+    /// `link[a][i]`: conductance between cell i and the next one along axis a; 0 at the end.
+    pub(crate) link: [Vec<f64>; 3],
+    /// `edge[a][side]`: boundary conductance on the low and the high face of axis a, in the
+    /// cell order of that face.
+    pub(crate) edge: [[Vec<f64>; 2]; 3],
+    /// μ · cell volume.
+    pub(crate) absorption: Vec<f64>,
+    /// Diagonal of the matrix.
+    pub(crate) diagonal: Vec<f64>,
+}
+
+impl Operator {
+    /// The operator of a medium under a boundary convention.
+    pub fn new(medium: &Medium, optics: &Optics) -> Self {
+        let grid = medium.grid();
+        let cells = grid.cells();
+        let h = grid.spacing_mm();
+        let volume = grid.cell_volume_mm3();
+        let kappa = medium.kappa_mm();
+        let strides = [1, cells[0], cells[0] * cells[1]];
+        let link = std::array::from_fn(|a| {
+            let area = volume / h[a];
+            let mut out = vec![0.0; grid.len()];
+            out.par_chunks_mut(strides[2]).enumerate().for_each(|(z, plane)| {
+                for (i, t) in plane.iter_mut().enumerate() {
+                    let position = [i % cells[0], i / cells[0], z][a];
+                    if position + 1 < cells[a] {
+                        let here = z * strides[2] + i;
+                        let (ka, kb) = (kappa[here], kappa[here + strides[a]]);
+                        *t = 2.0 * area * ka * kb / (h[a] * (ka + kb));
+                    }
+                }
+            });
+            out
+        });
+        let edge = std::array::from_fn(|a| {
+            std::array::from_fn(|side| {
+                let closed = a < 2 && optics.lateral == LateralBoundary::NoFlux;
+                face_cells(cells, a, side)
+                    .map(|cell| {
+                        if closed {
+                            0.0
+                        } else {
+                            volume
+                                / h[a]
+                                / (2.0 * optics.boundary_constant + h[a] / (2.0 * kappa[cell]))
+                        }
+                    })
+                    .collect()
+            })
+        });
+        let absorption: Vec<f64> = medium.mu_per_mm().iter().map(|mu| mu * volume).collect();
+        Self::assemble(cells, link, edge, absorption)
+    }
+
+    pub(crate) fn assemble(
+        cells: [usize; 3],
+        link: [Vec<f64>; 3],
+        edge: [[Vec<f64>; 2]; 3],
+        absorption: Vec<f64>,
+    ) -> Self {
+        let mut diagonal = absorption.clone();
+        let strides = [1, cells[0], cells[0] * cells[1]];
+        for a in 0..3 {
+            for (i, &t) in link[a].iter().enumerate() {
+                if t != 0.0 {
+                    diagonal[i] += t;
+                    diagonal[i + strides[a]] += t;
+                }
+            }
+            for side in 0..2 {
+                for (cell, g) in face_cells(cells, a, side).zip(&edge[a][side]) {
+                    diagonal[cell] += g;
+                }
+            }
+        }
+        Self { cells, link, edge, absorption, diagonal }
+    }
+
+    /// Cells along x, y and z.
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// Number of unknowns.
+    #[allow(clippy::len_without_is_empty, reason = "an operator is never empty")]
+    pub fn len(&self) -> usize {
+        self.diagonal.len()
+    }
+
+    /// Boundary conductance g · A_f of every cell of the front or back face, mm².
+    pub fn face_conductance(&self, face: Face) -> &[f64] {
+        &self.edge[2][match face {
+            Face::Front => 0,
+            Face::Back => 1,
+        }]
+    }
+
+    /// `b − A x`, field by field.
+    pub fn residual(&self, b: &Batch, x: &Batch) -> Batch {
+        let mut r = Batch::zeros(b.cells(), b.count());
+        for block in 0..b.blocks() {
+            let (b, x, r) = (b.block(block), x.block(block), r.block_mut(block));
+            if r.len() == 16 * self.len() {
+                self.residual_into::<f64, 16>(
+                    b.as_chunks().0,
+                    x.as_chunks().0,
+                    r.as_chunks_mut().0,
+                );
+            } else {
+                self.residual_into::<f64, 4>(b.as_chunks().0, x.as_chunks().0, r.as_chunks_mut().0);
+            }
+        }
+        r
+    }
+
+    /// r = b − A x in double, stored in `T`; returns the norms.
+    pub(crate) fn residual_into<T: Real, const L: usize>(
+        &self,
+        b: &[[f64; L]],
+        x: &[[f64; L]],
+        r: &mut [[T; L]],
+    ) -> [f64; L] {
+        rows(self.cells, r, &Residual { operator: self, b, x }).map(f64::sqrt)
+    }
+}
+
+/// out = b − A x, computed in double; the dot is out · out.
+struct Residual<'a, const L: usize> {
+    operator: &'a Operator,
+    b: &'a [[f64; L]],
+    x: &'a [[f64; L]],
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for Residual<'_, L> {
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [[T; L]], dot: &mut [T; L]) {
+        let Self { operator, b, x } = *self;
+        let [nx, ny, nz] = operator.cells;
+        let strides = [1, nx, nx * ny];
+        let mut sum = [0.0; L];
+        for (xx, o) in out.iter_mut().enumerate() {
+            let i = (z * ny + y) * nx + xx;
+            let mut acc = b[i];
+            let mut add = |t: f64, j: usize| {
+                for l in 0..L {
+                    acc[l] += t * x[j][l];
+                }
+            };
+            add(-operator.diagonal[i], i);
+            for (a, (at, n)) in [(xx, nx), (y, ny), (z, nz)].into_iter().enumerate() {
+                if at > 0 {
+                    add(operator.link[a][i - strides[a]], i - strides[a]);
+                }
+                if at + 1 < n {
+                    add(operator.link[a][i], i + strides[a]);
+                }
+            }
+            for l in 0..L {
+                sum[l] += acc[l] * acc[l];
+                o[l] = T::from_f64(acc[l]);
+            }
+        }
+        for l in 0..L {
+            dot[l] = T::from_f64(sum[l]);
+        }
+    }
+}
+
+/// The cells along one side (0 low, 1 high) of an axis, in storage order.
+pub(crate) fn face_cells(
+    cells: [usize; 3],
+    axis: usize,
+    side: usize,
+) -> impl Iterator<Item = usize> {
+    let strides = [1, cells[0], cells[0] * cells[1]];
+    let (inner, outer) = match axis {
+        0 => (1, 2),
+        1 => (0, 2),
+        _ => (0, 1),
+    };
+    let start = if side == 0 { 0 } else { (cells[axis] - 1) * strides[axis] };
+    (0..cells[outer]).flat_map(move |o| {
+        (0..cells[inner]).map(move |i| start + o * strides[outer] + i * strides[inner])
+    })
+}
