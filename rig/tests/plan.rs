@@ -1,0 +1,137 @@
+//! The standard acquisition and the plan as a file.
+
+use material::Face;
+use rig::{
+    Acquisition, CameraInfo, Chessboard, Pattern, Plan, PlanError, PlanWarning, Purpose, Target,
+    bracket,
+};
+
+fn standard(lit_face: Face) -> Acquisition {
+    Acquisition {
+        lit_face,
+        regions: [4, 4],
+        bracket_s: bracket(1.0 / 30.0, 8.0, 9),
+        calibration_bracket_s: vec![0.1, 1.0],
+        poses: 6,
+        projector_board: Chessboard { columns: 9, rows: 6, square_px: 64, x0: 100, y0: 80 },
+        repeats: 1,
+    }
+}
+
+#[test]
+fn the_standard_bracket_runs_from_a_thirtieth_to_eight_seconds_in_equal_stops() {
+    let times = bracket(1.0 / 30.0, 8.0, 9);
+    assert_eq!((times.len(), times[0], times[8]), (9, 1.0 / 30.0, 8.0));
+    let step = 240_f64.log2() / 8.0;
+    for pair in times.windows(2) {
+        // Rounding of one power and one quotient.
+        assert!(((pair[1] / pair[0]).log2() - step).abs() < 1e-12);
+    }
+    assert_eq!(bracket(0.5, 8.0, 1), [0.5]);
+}
+
+#[test]
+fn the_standard_plans_are_sound_and_survive_files() {
+    for face in [Face::Front, Face::Back] {
+        let acquisition = standard(face);
+        for plan in [acquisition.calibration_plan(), acquisition.capture_plan()] {
+            plan.check().unwrap();
+            assert!(plan.warnings().is_empty());
+            let toml = toml::to_string(&plan).unwrap();
+            assert_eq!(toml::from_str::<Plan>(&toml).unwrap(), plan);
+            let json = serde_json::to_string(&plan).unwrap();
+            assert_eq!(serde_json::from_str::<Plan>(&json).unwrap(), plan);
+        }
+    }
+}
+
+#[test]
+fn what_is_lit_in_the_fit_is_kept_apart_from_what_checks_it() {
+    let plan = standard(Face::Back).capture_plan();
+    let of = |purpose| plan.shots.iter().filter(move |s| s.purpose == purpose);
+    assert_eq!(of(Purpose::Fit).count(), 16);
+    assert!(of(Purpose::HeldOut).count() >= 3);
+    for held in of(Purpose::HeldOut) {
+        assert!(of(Purpose::Fit).all(|fit| fit.pattern != held.pattern), "{}", held.name);
+    }
+    // The regions together light the whole face once.
+    let mut total = vec![0.0; 30 * 20];
+    for shot in of(Purpose::Fit) {
+        let cells = shot.pattern.coverage(30, 20).unwrap();
+        total.iter_mut().zip(cells).for_each(|(t, c)| *t += c);
+    }
+    assert!(total.iter().all(|t| (t - 1.0).abs() < 1e-5));
+}
+
+#[test]
+fn the_summary_counts_frames_time_and_space() {
+    let camera =
+        CameraInfo { name: "c".into(), width: 1000, height: 500, channels: 3, bit_depth: 14 };
+    let plan = standard(Face::Back).capture_plan();
+    let summary = plan.summary(&camera);
+    assert_eq!((summary.shots, summary.frames, summary.placements), (23, 207, 1));
+    assert_eq!(summary.bytes, 207 * 3_000_000);
+    let bracket_s: f64 = bracket(1.0 / 30.0, 8.0, 9).iter().sum();
+    assert!((summary.exposure_s - 23.0 * bracket_s).abs() < 1e-9);
+    assert!(summary.estimated_s > summary.exposure_s + 60.0);
+    // Board, sheet, board, sheet, ..., two planes, the chart and the white sheet.
+    let calibration = standard(Face::Back).calibration_plan().summary(&camera);
+    assert_eq!((calibration.frames, calibration.placements), (2 * 18, 12 + 2 + 1 + 1));
+}
+
+#[test]
+fn unsound_plans_are_refused_by_name() {
+    let good = standard(Face::Front).capture_plan();
+    let refused = |change: &dyn Fn(&mut Plan)| {
+        let mut plan = good.clone();
+        change(&mut plan);
+        plan.check().unwrap_err()
+    };
+    assert_eq!(refused(&|p| p.shots.clear()), PlanError::Empty);
+    for name in ["../x", "", "a/b", "Black", "-a", &"a".repeat(61)] {
+        assert_eq!(refused(&|p| p.shots[0].name = name.into()), PlanError::Name(name.into()));
+    }
+    assert_eq!(refused(&|p| p.shots[0].name = "white".into()), PlanError::SameName("white".into()));
+    assert!(matches!(refused(&|p| p.shots[3].exposures_s.clear()), PlanError::Exposures { .. }));
+    assert!(matches!(
+        refused(&|p| p.shots[3].exposures_s[0] = f64::NAN),
+        PlanError::Exposures { .. }
+    ));
+    assert!(matches!(refused(&|p| p.shots[3].repeats = 0), PlanError::Repeats(_)));
+    let message = refused(&|p| p.shots[3].pattern = Pattern::Grey { level: 2.0 }).to_string();
+    assert!(message.contains("region-02") && message.contains('2'), "{message}");
+
+    let mut short = good.clone();
+    short.shots[1].exposures_s[0] = 1.0 / 60.0;
+    assert!(
+        matches!(&short.warnings()[..], [PlanWarning::ShortExposure { shot, .. }] if shot == "white")
+    );
+}
+
+/// The words of the file are a contract.
+#[test]
+fn a_plan_reads_like_this() {
+    let text = r#"
+        [[shots]]
+        name = "face-board-back"
+        purpose = "held-out"
+        exposures_s = [0.1, 1]
+        repeats = 2
+        target = { kind = "face-board", face = "back" }
+        pattern = { kind = "face", rectangles = [{ x0 = 0, y0 = 0.25, x1 = 1, y1 = 0.5, level = 1 }] }
+
+        [[shots]]
+        name = "board"
+        purpose = "geometry"
+        exposures_s = [0.1]
+        repeats = 1
+        target = { kind = "sheet", pose = 3 }
+        pattern = { kind = "chessboard", columns = 9, rows = 6, square_px = 40, x0 = 1, y0 = 2 }
+    "#;
+    let plan: Plan = toml::from_str(text).unwrap();
+    plan.check().unwrap();
+    assert_eq!(plan.shots[0].target, Target::FaceBoard { face: Face::Back });
+    assert_eq!(plan.shots[1].target, Target::Sheet { pose: 3 });
+    assert!(toml::from_str::<Plan>(&text.replace("repeats", "repeat")).is_err());
+    assert!(toml::from_str::<Plan>(&text.replace("rows = 6", "rows = 6, colour = 1")).is_err());
+}

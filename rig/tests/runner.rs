@@ -1,0 +1,364 @@
+//! The runner on a rig that exists only here: stopping, going on, damage and failing devices.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use material::Face;
+use rig::{
+    Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Event, Frame, Outcome, Pattern, Plan,
+    Projector, ProjectorImage, ProjectorInfo, Purpose, Rig, RunError, RunOptions, Shot, Step,
+    StopStatus, Target, read_frame, read_journal, run,
+};
+
+/// What is on the bench and on the screen, and what the devices are told to do wrong.
+#[derive(Default)]
+struct Scene {
+    placed: Mutex<Option<Target>>,
+    light: Mutex<u64>,
+    exposures: AtomicUsize,
+    placements: AtomicUsize,
+    /// Errors that the camera returns before it works again.
+    faults: Mutex<Vec<DeviceError>>,
+    /// A frame whose values exceed the bit depth.
+    impossible: AtomicBool,
+}
+
+struct FakeCamera(Arc<Scene>);
+struct FakeProjector(Arc<Scene>);
+struct FakeBench(Arc<Scene>);
+
+impl Camera for FakeCamera {
+    fn info(&self) -> CameraInfo {
+        CameraInfo { name: "fake".into(), width: 6, height: 4, channels: 3, bit_depth: 12 }
+    }
+
+    /// Every pixel depends on its place, the target, the light and the exposure, so that a frame
+    /// taken under the wrong conditions differs.
+    fn expose(&mut self, exposure_s: f64) -> Result<Frame, DeviceError> {
+        if let Some(fault) = self.0.faults.lock().unwrap().pop() {
+            return Err(fault);
+        }
+        self.0.exposures.fetch_add(1, Ordering::Relaxed);
+        let target = format!("{:?}", self.0.placed.lock().unwrap());
+        let place = target.bytes().map(u64::from).sum::<u64>();
+        let seed = place * 31 + *self.0.light.lock().unwrap() * 7 + (exposure_s * 240.0) as u64;
+        let value = |i: u64| ((seed + i * 37) % 4096) as u16;
+        let mut data: Vec<u16> = (0..72).map(value).collect();
+        if self.0.impossible.load(Ordering::Relaxed) {
+            data[5] = 4096;
+        }
+        let exposure_s = exposure_s * 1.01;
+        Ok(Frame { width: 6, height: 4, channels: 3, bit_depth: 12, data, exposure_s })
+    }
+}
+
+impl Projector for FakeProjector {
+    fn info(&self) -> ProjectorInfo {
+        ProjectorInfo { name: "fake".into(), width: 16, height: 8 }
+    }
+
+    fn show(&mut self, image: &ProjectorImage) -> Result<(), DeviceError> {
+        assert_eq!((image.width, image.height, image.data.len()), (16, 8, 128));
+        let weighted = image.data.iter().zip(1..).map(|(&v, i)| u64::from(v) * i);
+        *self.0.light.lock().unwrap() = weighted.sum();
+        Ok(())
+    }
+}
+
+impl Bench for FakeBench {
+    fn place(&mut self, target: &Target) -> Result<(), DeviceError> {
+        self.0.placements.fetch_add(1, Ordering::Relaxed);
+        *self.0.placed.lock().unwrap() = Some(*target);
+        Ok(())
+    }
+}
+
+fn fake() -> (Rig, Arc<Scene>) {
+    let scene = Arc::new(Scene::default());
+    let rig = Rig {
+        camera: Box::new(FakeCamera(scene.clone())),
+        projector: Box::new(FakeProjector(scene.clone())),
+        bench: Box::new(FakeBench(scene.clone())),
+    };
+    (rig, scene)
+}
+
+fn plan() -> Plan {
+    let shot = |name: &str, target, pattern, exposures_s: &[f64], repeats| Shot {
+        name: name.into(),
+        purpose: Purpose::Fit,
+        exposures_s: exposures_s.into(),
+        repeats,
+        target,
+        pattern,
+    };
+    let sheet = Target::FaceSheet { face: Face::Back };
+    Plan {
+        shots: vec![
+            shot("sheet", sheet, Pattern::White, &[0.1], 2),
+            shot("black", Target::Sample, Pattern::Black, &[0.1, 1.0], 1),
+            shot("region-01", Target::Sample, Pattern::region(2, 2, 0), &[0.1, 1.0], 2),
+            shot("region-04", Target::Sample, Pattern::region(2, 2, 3), &[0.1], 1),
+        ],
+    }
+}
+
+const FRAMES: usize = 9;
+
+/// Runs the plan; stops once `stop_after` frames are there.
+fn go(
+    rig: &mut Rig,
+    plan: &Plan,
+    session: &Path,
+    stop_after: Option<usize>,
+) -> Result<Outcome, RunError> {
+    let stop = AtomicBool::new(stop_after == Some(0));
+    let map = |[x, y]: [f64; 2]| Some([x / 15.0, y / 7.0]);
+    let options =
+        RunOptions { stop: &stop, face_map: Some(&map), retry_wait: Duration::from_millis(1) };
+    run(plan, rig, session, options, &mut |progress| {
+        if stop_after == Some(progress.done) && progress.step == Step::Taken {
+            stop.store(true, Ordering::Relaxed);
+        }
+    })
+}
+
+/// Every file under `frames`, with its content.
+fn files(session: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let Ok(shots) = std::fs::read_dir(session.join("frames")) else { return files };
+    for shot in shots {
+        for file in std::fs::read_dir(shot.unwrap().path()).unwrap() {
+            let path = file.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+            files.insert(name, std::fs::read(path).unwrap());
+        }
+    }
+    files
+}
+
+fn reference() -> BTreeMap<String, Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    assert_eq!(outcome, Outcome { taken: FRAMES, kept: 0, missing: 0 });
+    files(folder.path())
+}
+
+fn events(session: &Path) -> Vec<Event> {
+    let recorded = read_journal(&session.join("journal.jsonl")).unwrap();
+    recorded.entries.into_iter().map(|entry| entry.event).collect()
+}
+
+fn last_status(session: &Path) -> StopStatus {
+    match events(session).pop() {
+        Some(Event::Stopped { status, .. }) => status,
+        other => panic!("the journal ends with {other:?}"),
+    }
+}
+
+#[test]
+fn frames_come_back_with_all_that_is_known_about_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut rig, scene) = fake();
+    go(&mut rig, &plan(), folder.path(), None).unwrap();
+    assert_eq!(files(folder.path()).len(), FRAMES);
+    // The sheet, then the sample once.
+    assert_eq!(scene.placements.load(Ordering::Relaxed), 2);
+    assert_eq!(last_status(folder.path()), StopStatus::Done);
+
+    let path = folder.path().join("frames/region-01/region-01-e1-r1.png");
+    let (frame, metadata) = read_frame(&path).unwrap();
+    assert_eq!(
+        (metadata.shot.as_str(), metadata.exposure_index, metadata.repeat),
+        ("region-01", 1, 1)
+    );
+    assert_eq!((metadata.requested_s, frame.exposure_s), (1.0, 1.01));
+    assert_eq!(metadata.pattern, Pattern::region(2, 2, 0));
+    assert_eq!((frame.bit_depth, frame.channels, frame.data.len()), (12, 3, 72));
+
+    // The same conditions again, straight from the camera: the pixels went through unchanged.
+    let map = |[x, y]: [f64; 2]| Some([x / 15.0, y / 7.0]);
+    rig.projector.show(&metadata.pattern.render(16, 8, Some(&map)).unwrap()).unwrap();
+    assert_eq!(rig.camera.expose(1.0).unwrap(), frame);
+
+    let written = events(folder.path()).into_iter().filter_map(|event| match event {
+        Event::FrameWritten { file, stats, .. } => Some((file, stats)),
+        _ => None,
+    });
+    let stats: BTreeMap<_, _> = written.collect();
+    assert_eq!(stats["frames/region-01/region-01-e1-r1.png"], frame.stats());
+}
+
+#[test]
+fn a_run_stopped_after_any_frame_goes_on_to_the_identical_set() {
+    let whole = reference();
+    for stop_after in 0..FRAMES {
+        let folder = tempfile::tempdir().unwrap();
+        let first = go(&mut fake().0, &plan(), folder.path(), Some(stop_after)).unwrap();
+        assert_eq!(first, Outcome { taken: stop_after, kept: 0, missing: FRAMES - stop_after });
+        assert_eq!(last_status(folder.path()), StopStatus::Stopped);
+        // As after a power failure: the last line of the journal was never finished.
+        let journal = folder.path().join("journal.jsonl");
+        let bytes = std::fs::read(&journal).unwrap();
+        std::fs::write(&journal, &bytes[..bytes.len() - 9]).unwrap();
+
+        let (mut rig, scene) = fake();
+        let second = go(&mut rig, &plan(), folder.path(), None).unwrap();
+        let missing = FRAMES - stop_after;
+        assert_eq!(second, Outcome { taken: missing, kept: stop_after, missing: 0 });
+        assert_eq!(scene.exposures.load(Ordering::Relaxed), missing);
+        assert_eq!(files(folder.path()), whole, "stopped after {stop_after}");
+    }
+}
+
+#[test]
+fn a_finished_run_repeated_touches_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    let (mut rig, scene) = fake();
+    let again = go(&mut rig, &plan(), folder.path(), None).unwrap();
+    assert_eq!(again, Outcome { taken: 0, kept: FRAMES, missing: 0 });
+    assert_eq!(scene.placements.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn a_frame_whose_line_is_torn_is_taken_again() {
+    let folder = tempfile::tempdir().unwrap();
+    go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    let journal = folder.path().join("journal.jsonl");
+    let text = std::fs::read_to_string(&journal).unwrap();
+    // Up to the middle of the line about the last frame.
+    let last = text.rfind("frame-written").unwrap();
+    std::fs::write(&journal, &text[..last]).unwrap();
+    let again = go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    assert_eq!(again, Outcome { taken: 1, kept: FRAMES - 1, missing: 0 });
+    // The file that nobody vouches for is still there, under another name.
+    let mut found = files(folder.path());
+    assert!(found.remove("region-04-e0-r0.png.set-aside-1").is_some());
+    assert_eq!(found, reference());
+    let notes = events(folder.path()).into_iter().filter(|e| matches!(e, Event::Note { .. }));
+    assert_eq!(notes.count(), 2);
+}
+
+#[test]
+fn damaged_and_missing_frames_are_taken_again() {
+    let folder = tempfile::tempdir().unwrap();
+    go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    let damaged = folder.path().join("frames/black/black-e1-r0.png");
+    let mut bytes = std::fs::read(&damaged).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&damaged, &bytes).unwrap();
+    std::fs::remove_file(folder.path().join("frames/sheet/sheet-e0-r1.png")).unwrap();
+
+    let again = go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    assert_eq!(again, Outcome { taken: 2, kept: FRAMES - 2, missing: 0 });
+    let mut found = files(folder.path());
+    assert_eq!(found.remove("black-e1-r0.png.set-aside-1"), Some(bytes));
+    assert_eq!(found, reference());
+    // And then it is whole again.
+    assert_eq!(go(&mut fake().0, &plan(), folder.path(), None).unwrap().kept, FRAMES);
+}
+
+#[test]
+fn a_changed_plan_does_not_mix_with_what_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    let mut changed = plan();
+    changed.shots[2].exposures_s[1] = 2.0;
+    let error = go(&mut fake().0, &changed, folder.path(), None).unwrap_err();
+    assert!(
+        matches!(&error, RunError::OtherSettings { shot, file } if shot == "region-01" && file.ends_with("region-01-e1-r0.png")),
+        "{error}"
+    );
+    assert_eq!(files(folder.path()), reference());
+    // A plan that only goes further is welcome.
+    let mut longer = plan();
+    longer.shots.push(Shot { name: "more".into(), ..longer.shots[3].clone() });
+    let outcome = go(&mut fake().0, &longer, folder.path(), None).unwrap();
+    assert_eq!(outcome, Outcome { taken: 1, kept: FRAMES, missing: 0 });
+}
+
+#[test]
+fn passing_failures_are_sat_out_and_lasting_ones_reported() {
+    let timeout = || DeviceError::Timeout { device: "fake".into(), waited_s: 5.0 };
+    let folder = tempfile::tempdir().unwrap();
+    let (mut rig, scene) = fake();
+    scene.faults.lock().unwrap().extend([timeout(), timeout(), timeout()]);
+    go(&mut rig, &plan(), folder.path(), None).unwrap();
+    assert_eq!(files(folder.path()), reference());
+    let notes = events(folder.path()).into_iter().filter(|e| matches!(e, Event::Note { .. }));
+    assert_eq!(notes.count(), 3);
+
+    // One more than is sat out, and one that will not pass at all.
+    let gone = || DeviceError::Disconnected { device: "fake".into() };
+    let cases: [(Vec<DeviceError>, DeviceErrorKind); 2] = [
+        (vec![timeout(), timeout(), timeout(), timeout()], DeviceErrorKind::Timeout),
+        (vec![gone()], DeviceErrorKind::Disconnected),
+    ];
+    for (faults, kind) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut rig, scene) = fake();
+        go(&mut rig, &plan(), folder.path(), Some(4)).unwrap();
+        scene.faults.lock().unwrap().extend(faults);
+        match go(&mut rig, &plan(), folder.path(), None) {
+            Err(RunError::Device { shot, source }) => {
+                assert_eq!((shot.as_str(), source.kind()), ("region-01", kind));
+            }
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(last_status(folder.path()), StopStatus::Failed);
+        // Nothing was lost, and the device works again.
+        let outcome = go(&mut rig, &plan(), folder.path(), None).unwrap();
+        assert_eq!(outcome, Outcome { taken: FRAMES - 4, kept: 4, missing: 0 });
+        assert_eq!(files(folder.path()), reference());
+    }
+}
+
+#[test]
+fn an_impossible_frame_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut rig, scene) = fake();
+    scene.impossible.store(true, Ordering::Relaxed);
+    let message = go(&mut rig, &plan(), folder.path(), None).unwrap_err().to_string();
+    assert!(message.contains("sheet") && message.contains("4096"), "{message}");
+    assert!(files(folder.path()).is_empty());
+}
+
+#[test]
+fn a_pattern_on_the_face_needs_a_calibrated_projector() {
+    let folder = tempfile::tempdir().unwrap();
+    let stop = AtomicBool::new(false);
+    let options = RunOptions { stop: &stop, face_map: None, retry_wait: Duration::ZERO };
+    let error = run(&plan(), &mut fake().0, folder.path(), options, &mut |_| ()).unwrap_err();
+    assert!(matches!(error, RunError::NoFaceMap(shot) if shot == "region-01"));
+    assert!(files(folder.path()).is_empty());
+}
+
+#[test]
+fn cut_and_damaged_frames_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    go(&mut fake().0, &plan(), folder.path(), None).unwrap();
+    let path = folder.path().join("frames/black/black-e0-r0.png");
+    let bytes = std::fs::read(&path).unwrap();
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        read_frame(&path)
+    };
+    let good = read(&bytes).unwrap();
+    for cut in 0..bytes.len() {
+        let error = read(&bytes[..cut]).expect_err("a cut file");
+        assert!(error.to_string().contains("black-e0-r0.png"), "cut at {cut}: {error}");
+    }
+    for at in 0..bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 16;
+        // Chunks carry checksums: what is not refused must be what was written.
+        if let Ok(frame) = read(&flipped) {
+            assert_eq!(frame, good, "byte {at}");
+        }
+    }
+}
