@@ -47,7 +47,7 @@ fn numbers_of_every_type_and_order() {
     let (_folder, path) = folder();
     let stored = zip::CompressionMethod::Stored;
     let little = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
-    let mut expect = |header: &str, data: &[u8], shape: &[usize], values: &[f64]| {
+    let expect = |header: &str, data: &[u8], shape: &[usize], values: &[f64]| {
         foreign(&path, header, data, stored);
         let array = NpzReader::open(&path).unwrap().array_f64("a").unwrap();
         assert_eq!(array.shape, shape, "{header}");
