@@ -137,7 +137,8 @@ pub struct CameraCalibration {
     pub model: CameraModel,
     /// sqrt(Σ(dx² + dy²)/N) over all points of all views, pixels.
     pub rms_px: f64,
-    /// 1-sigma of fx, fy, cx, cy, k1, k2, p1, p2, k3 from the residuals, in their own units.
+    /// 1-sigma of fx, fy, cx, cy, k1, k2, p1, p2, k3 from the residuals, in their own units;
+    /// 0 for coefficients that the views do not determine and that are held at 0.
     pub standard_deviations: [f64; 9],
     /// Fit of each view, in the order given.
     pub views: Vec<ViewFit>,
@@ -149,22 +150,15 @@ pub struct CameraCalibration {
 ///
 /// Minimises the reprojection error over fx, fy, cx, cy, k1, k2, p1, p2, k3 and all poses by
 /// OpenCV's Levenberg–Marquardt, run until the step vanishes rather than for its default
-/// 30 rounds.
+/// 30 rounds. k2 and k3 stay 0 unless the views call for them: boards that never reach the
+/// picture's corners leave them free to run away and fold the picture where nobody looked.
 ///
 /// # Errors
 /// Fewer than three views, a view with too few or unmatched points, points outside the picture
 /// (which betrays views of another size), or a distortion that folds the picture onto itself.
 pub fn calibrate_camera(views: &[View], size: [usize; 2]) -> Result<CameraCalibration> {
     check_views(views, size)?;
-    let (model, sigmas, poses) = cv::zhang(views, size)?;
-    if !model.is_invertible() {
-        return Err(CalibrationError::NotConverged {
-            what: "camera calibration",
-            reason: "the distortion found folds the picture onto itself; use more views that \
-                     reach into the corners"
-                .into(),
-        });
-    }
+    let (model, sigmas, poses) = solve(views, size)?;
     let fits: Vec<ViewFit> = views
         .iter()
         .zip(poses)
@@ -211,6 +205,37 @@ pub fn reprojection_rms(model: &CameraModel, pose: &Pose, view: &View) -> f64 {
         })
         .sum();
     (squares / view.image_points.len() as f64).sqrt()
+}
+
+/// The number of radial coefficients that the views can bear: of the solutions under which the
+/// whole picture keeps an inverse, the one with the least Bayesian information criterion
+/// n ln(rms²) + k ln n (Schwarz 1978).
+fn solve(views: &[View], size: [usize; 2]) -> Result<(CameraModel, [f64; 9], Vec<Pose>)> {
+    let n = 2.0 * views.iter().map(|v| v.image_points.len()).sum::<usize>() as f64;
+    let mut best = None;
+    let mut least = f64::INFINITY;
+    for radial in 1..=3 {
+        let solution = cv::zhang(views, size, radial)?;
+        let (model, _, poses) = &solution;
+        if !model.is_invertible() {
+            continue;
+        }
+        let squares: f64 = views
+            .iter()
+            .zip(poses)
+            .map(|(v, p)| reprojection_rms(model, p, v).powi(2) * v.image_points.len() as f64)
+            .sum();
+        let criterion = n * squares.ln() + radial as f64 * n.ln();
+        if criterion < least {
+            (best, least) = (Some(solution), criterion);
+        }
+    }
+    best.ok_or_else(|| CalibrationError::NotConverged {
+        what: "camera calibration",
+        reason: "every distortion that fits folds the picture onto itself; use more views that \
+                 reach into the corners"
+            .into(),
+    })
 }
 
 fn check_views(views: &[View], size: [usize; 2]) -> Result<()> {

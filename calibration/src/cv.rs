@@ -30,11 +30,18 @@ pub(crate) fn points_from(points: &Vector<Point2f>) -> Vec<[f64; 2]> {
     points.iter().map(|p| [f64::from(p.x), f64::from(p.y)]).collect()
 }
 
-/// Model, 1-sigma of its nine parameters, and the pose of each view.
+/// Model with `radial` (1 to 3) radial coefficients, 1-sigma of its nine parameters, and the pose
+/// of each view.
 pub(crate) fn zhang(
     views: &[View],
     size: [usize; 2],
+    radial: usize,
 ) -> Result<(CameraModel, [f64; 9], Vec<Pose>)> {
+    let fixed = match radial {
+        1 => calib3d::CALIB_FIX_K2 | calib3d::CALIB_FIX_K3,
+        2 => calib3d::CALIB_FIX_K3,
+        _ => 0,
+    };
     let run = || -> opencv::Result<_> {
         let objects: Vector<Vector<Point3f>> = views
             .iter()
@@ -62,7 +69,7 @@ pub(crate) fn zhang(
             &mut sigma_in,
             &mut sigma_out,
             &mut errors,
-            0,
+            fixed,
             until_settled()?,
         )?;
         let model = CameraModel {

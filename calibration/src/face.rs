@@ -1,5 +1,6 @@
 //! The plane of the sample's face, seen by a camera or lit by a projector.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::CameraModel;
@@ -38,24 +39,19 @@ impl FacePlane {
 
     /// A picture for the projector, row by row in 0..1: `wanted(x, y)` is the light wanted at a
     /// place of the face, averaged over 4 × 4 rays per pixel so that edges come out smooth.
-    pub fn paint(&self, wanted: impl Fn(f64, f64) -> f64) -> Vec<f32> {
+    pub fn paint(&self, wanted: impl Fn(f64, f64) -> f64 + Sync) -> Vec<f32> {
         const RAYS: usize = 4;
         let offset = |i: usize| (i as f64 + 0.5) / RAYS as f64 - 0.5;
-        let (width, height) = (self.device.width, self.device.height);
-        let mut picture = Vec::with_capacity(width * height);
-        for v in 0..height {
-            for u in 0..width {
-                let mut sum = 0.0;
-                for ray in 0..RAYS * RAYS {
-                    let (du, dv) = (offset(ray % RAYS), offset(ray / RAYS));
-                    if let Some([x, y]) = self.pixel_to_face([u as f64 + du, v as f64 + dv]) {
-                        sum += wanted(x, y);
-                    }
-                }
-                picture.push((sum / (RAYS * RAYS) as f64) as f32);
-            }
-        }
-        picture
+        let width = self.device.width;
+        let pixel = |i: usize| {
+            let (u, v) = ((i % width) as f64, (i / width) as f64);
+            let rays = (0..RAYS * RAYS).map(|ray| {
+                self.pixel_to_face([u + offset(ray % RAYS), v + offset(ray / RAYS)])
+                    .map_or(0.0, |[x, y]| wanted(x, y))
+            });
+            (rays.sum::<f64>() / (RAYS * RAYS) as f64) as f32
+        };
+        (0..width * self.device.height).into_par_iter().map(pixel).collect()
     }
 }
 

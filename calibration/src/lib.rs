@@ -19,6 +19,7 @@ mod merge;
 mod noise;
 mod photo;
 mod pose;
+mod projected;
 mod projector;
 mod rectify;
 mod response;
@@ -38,6 +39,7 @@ pub use merge::{Merger, merge};
 pub use noise::NoiseModel;
 pub use photo::{Photo, list_pictures};
 pub use pose::Pose;
+pub use projected::{ProjectedBoard, observe_projected_board};
 pub use projector::{
     ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector,
 };
