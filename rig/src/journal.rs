@@ -129,6 +129,9 @@ pub enum JournalError {
 pub struct Journal {
     path: PathBuf,
     file: File,
+    /// Length of all whole lines, bytes.
+    length: u64,
+    /// Number of the next entry.
     next: u64,
 }
 
@@ -216,11 +219,15 @@ impl Journal {
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(failed("read"))?;
         let recorded = parse(&bytes, path)?;
-        let whole = bytes.len() as u64 - recorded.torn_bytes;
-        file.set_len(whole).map_err(failed("repair"))?;
-        file.seek(SeekFrom::Start(whole)).map_err(failed("repair"))?;
+        // The name of a new journal has to reach the disk like its lines. Folders cannot be
+        // opened on Windows.
+        #[cfg(unix)]
+        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed("create"))?;
+        }
+        let length = bytes.len() as u64 - recorded.torn_bytes;
         let next = recorded.entries.len() as u64;
-        let mut journal = Self { path: path.into(), file, next };
+        let mut journal = Self { path: path.into(), file, length, next };
         if recorded.torn_bytes > 0 {
             let text = format!(
                 "the last line was cut off while it was written; its {} bytes were removed",
@@ -234,16 +241,21 @@ impl Journal {
     /// Appends an event and returns once it is on disk.
     ///
     /// # Errors
-    /// The system refuses; the journal should not be used further.
+    /// The system refuses; what was written of the line is removed by the next one.
     pub fn append(&mut self, event: Event) -> Result<(), JournalError> {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let entry = Entry { seq: self.next, unix_s: since_epoch.as_secs_f64(), event };
         let written = serde_json::to_string(&entry).map_err(io::Error::from).and_then(|text| {
             let line = format!("{{\"check\":\"{}\",\"entry\":{text}}}\n", checksum(&text));
+            // Half a line may be there, from a power failure or from a full disk.
+            self.file.set_len(self.length)?;
+            self.file.seek(SeekFrom::Start(self.length))?;
             self.file.write_all(line.as_bytes())?;
-            self.file.sync_data()
+            self.file.sync_data()?;
+            self.length += line.len() as u64;
+            self.next += 1;
+            Ok(())
         });
-        self.next += 1;
         written.map_err(|source| JournalError::Io {
             path: self.path.clone(),
             action: "append",
@@ -306,6 +318,21 @@ mod tests {
         assert_eq!(read_journal(&path).unwrap().entries.len(), 1);
         std::fs::write(&path, &bytes[first + 1..]).unwrap();
         assert!(matches!(read_journal(&path), Err(JournalError::Damaged { line: 1, .. })));
+    }
+
+    /// A full disk takes half a line; the next line must not be joined to it.
+    #[test]
+    fn half_a_line_left_by_a_failed_append_is_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.jsonl");
+        let (mut journal, _) = Journal::open(&path).unwrap();
+        journal.append(note("before")).unwrap();
+        let mut other = OpenOptions::new().append(true).open(&path).unwrap();
+        other.write_all(&[b'x'; 1000]).unwrap();
+        journal.append(note("one")).unwrap();
+        journal.append(note("two")).unwrap();
+        let recorded = read_journal(&path).unwrap();
+        assert_eq!((recorded.entries.len(), recorded.torn_bytes), (3, 0));
     }
 
     #[test]
