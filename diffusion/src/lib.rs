@@ -4,9 +4,11 @@
 mod adjoint;
 mod batch;
 mod beam;
+mod bssrdf;
 mod cpu;
 mod forward;
 mod illumination;
+mod inverse;
 mod medium;
 mod operator;
 mod solver;
@@ -14,9 +16,14 @@ mod surface;
 
 pub use adjoint::Gradient;
 pub use batch::Batch;
+pub use bssrdf::{BssrdfError, average, bssrdf_error};
 pub use cpu::{CpuSolver, Real};
 pub use forward::Forward;
 pub use illumination::{IlluminationError, Illuminations};
+pub use inverse::{
+    Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method, Observer,
+    Progress, Stage, invert,
+};
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;
 pub use solver::{LinearSolver, SolveError, SolveReport};

@@ -1,0 +1,64 @@
+//! The homogeneous start: one κ and one μ for the whole block (W08 section 4.2).
+
+use super::data_term::DataTerm;
+use super::{InverseError, Observer, Progress, Stage};
+use crate::{LinearSolver, Medium};
+
+/// κ and μ that fit the images best as two numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub kappa_mm: f64,
+    pub mu_per_mm: f64,
+}
+
+/// Steps in log κ and log μ that are tried, largest first. The last one places the start within
+/// a few percent, less than the block's own variation.
+const STEPS: [f64; 5] = [1.2, 0.6, 0.3, 0.15, 0.07];
+
+/// Descends in log κ and log μ by a compass search: two unknowns, a smooth misfit, and one
+/// forward solve a try, warm-started from the last. What is minimised is the plain fit: dark
+/// pixels say little about two numbers, and the discretisation shows most there. A block about ten mean free paths thick
+/// with an albedo near one is where it begins.
+pub(crate) fn fit<S: LinearSolver>(
+    data: &mut DataTerm<'_, S>,
+    observer: Observer<'_>,
+) -> Result<Start, InverseError> {
+    let thickness = data.grid.size_mm()[2];
+    let mut u = [(thickness / 30.0).ln(), (0.03 / thickness).ln()];
+    let count = data.measurement.data().max(1) as f64;
+    let mut value = |u: [f64; 2]| -> Result<f64, InverseError> {
+        let (grid, kappa, mu) = (data.grid, u[0].exp(), u[1].exp());
+        let medium = Medium::homogeneous(grid, kappa, mu)
+            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
+        let misfit = data.evaluate(medium, false)?;
+        let progress = Progress {
+            stage: Stage::Homogeneous,
+            gradient_evaluations: data.gradient_evaluations,
+            linear_solves: data.linear_solves,
+            fit: misfit.fit,
+            chi2: misfit.weighted / count,
+            lambda: 0.0,
+        };
+        if observer(&progress) { Ok(misfit.fit) } else { Err(InverseError::Interrupted) }
+    };
+    let mut best = value(u)?;
+    for step in STEPS {
+        // Six moves of the largest step cross three orders of magnitude; a start that is still
+        // moving then is further off than any sample.
+        for _ in 0..6 {
+            let mut moved = false;
+            for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
+                let mut next = u;
+                next[axis] += sign * step;
+                let tried = value(next)?;
+                if tried < best {
+                    (best, u, moved) = (tried, next, true);
+                }
+            }
+            if !moved {
+                break;
+            }
+        }
+    }
+    Ok(Start { kappa_mm: u[0].exp(), mu_per_mm: u[1].exp() })
+}

@@ -1,0 +1,170 @@
+//! From images to coefficients: κ and μ of every cell of one channel.
+
+mod data_term;
+mod homogeneous;
+mod lbfgs;
+mod measurement;
+mod paper;
+mod smoothness;
+
+pub use measurement::{Measurement, MeasurementError};
+
+use crate::{LinearSolver, SolveError};
+use data_term::DataTerm;
+use material::{Grid, Optics};
+
+/// How the coefficients are looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// log κ and log μ, smoothness on both, L-BFGS, weights from the variances.
+    #[default]
+    Lbfgs,
+    /// W08 Table I: κ and μ themselves, Polak–Ribière conjugate gradients with golden-section
+    /// line search, smoothness on κ alone, no weights, stop at ε = 1e-4 Σ L².
+    Paper,
+}
+
+/// How strong the smoothness term is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Lambda {
+    /// The largest λ under which the residual is as small as the noise (discrepancy principle).
+    #[default]
+    Discrepancy,
+    /// A given λ, relative to the (weighted) energy of the images.
+    Fixed(f64),
+}
+
+/// Settings of an inverse solve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InverseSettings {
+    /// The method.
+    pub method: Method,
+    /// Strength of the smoothness term.
+    pub lambda: Lambda,
+    /// Fit one gain beside κ and μ. It is reported; near 1 means that the radiometry is right.
+    pub free_gain: bool,
+    /// What the model itself cannot get right, relative to the brightest pixel of each image:
+    /// added to the standard deviation of every pixel. The solved grid's own discretisation is
+    /// the largest part of it; without it, dark pixels far from the light, which a coarse grid
+    /// gets wrong by percents, would outweigh everything.
+    pub model_error: f64,
+    /// Most gradient evaluations.
+    pub max_evaluations: usize,
+    /// Relative residual of the linear solves.
+    pub tolerance: f64,
+}
+
+impl Default for InverseSettings {
+    fn default() -> Self {
+        Self {
+            method: Method::Lbfgs,
+            lambda: Lambda::Discrepancy,
+            free_gain: false,
+            model_error: 3e-3,
+            max_evaluations: 400,
+            tolerance: 1e-6,
+        }
+    }
+}
+
+/// Where an inverse solve is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: Stage,
+    /// Gradient evaluations so far.
+    pub gradient_evaluations: usize,
+    /// Fields solved for so far.
+    pub linear_solves: usize,
+    /// Fit f (design section 9).
+    pub fit: f64,
+    /// Mean squared residual in units of the noise, χ²/N.
+    pub chi2: f64,
+    /// λ at work.
+    pub lambda: f64,
+}
+
+/// The part of an inverse solve that is running.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Two numbers for the whole block.
+    Homogeneous,
+    /// Every cell.
+    Volume,
+}
+
+/// What an inverse solve found.
+#[derive(Clone, Debug)]
+pub struct Inverse {
+    /// κ of every cell, mm.
+    pub kappa_mm: Vec<f64>,
+    /// μ of every cell, 1/mm.
+    pub mu_per_mm: Vec<f64>,
+    /// The homogeneous start (κ in mm, μ in 1/mm).
+    pub homogeneous: (f64, f64),
+    /// Fitted gain, 1 when it was not free.
+    pub gain: f64,
+    /// Fit f.
+    pub fit: f64,
+    /// χ²/N.
+    pub chi2: f64,
+    /// λ used, relative to the (weighted) energy of the images.
+    pub lambda: f64,
+    /// Gradient evaluations.
+    pub gradient_evaluations: usize,
+    /// Fields solved for, forward and adjoint.
+    pub linear_solves: usize,
+    /// Fit after each gradient evaluation.
+    pub history: Vec<f64>,
+}
+
+/// Why an inverse solve has no answer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InverseError {
+    /// A linear solve failed.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The optimiser gave up.
+    #[error("the optimiser stopped: {0}")]
+    Optimiser(String),
+    /// The observer asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// Tells the caller how far it is; returns false to stop.
+pub type Observer<'a> = &'a mut dyn FnMut(&Progress) -> bool;
+
+/// Finds κ and μ of every cell of `grid` so that the diffusion equation reproduces the images.
+///
+/// Minimises Σ w (γL − L_meas)² / Σ w L_meas² + λ (R(log κ) + R(log μ)), w = 1/variance (design
+/// section 5), from a homogeneous start.
+///
+/// # Errors
+/// A linear solve fails, the optimiser gives up, or `observer` returns false.
+pub fn invert<S: LinearSolver>(
+    grid: &Grid,
+    optics: &Optics,
+    measurement: &Measurement,
+    settings: &InverseSettings,
+    solver: &mut S,
+    observer: Observer<'_>,
+) -> Result<Inverse, InverseError> {
+    let measurement = match settings.method {
+        Method::Lbfgs => measurement.with_model_error(settings.model_error),
+        Method::Paper => measurement.unweighted(),
+    };
+    let mut data = DataTerm::new(
+        *grid,
+        *optics,
+        &measurement,
+        settings.free_gain,
+        settings.tolerance,
+        solver,
+    );
+    let start = homogeneous::fit(&mut data, observer)?;
+    match settings.method {
+        Method::Lbfgs => lbfgs::run(data, settings, start, observer),
+        Method::Paper => paper::run(data, settings, start, observer),
+    }
+}
