@@ -88,7 +88,7 @@ impl Board {
 ///
 /// Two detectors are asked, one that fits the sectors' symmetry (Duda & Frese 2018) and one that
 /// follows the edges; each result is refined by the gradient's orthogonality in a window sized
-/// by the local squares, and the set that lies best on a smooth map of the board is kept.
+/// by the local squares, and the set that lies best on a plane map of the board is kept.
 ///
 /// # Errors
 /// [`CalibrationError::BoardNotFound`] with the likeliest reason.
@@ -126,6 +126,9 @@ pub(crate) fn find_in_grey(
 /// Every set of corners worth considering, refined at full resolution.
 fn detect(grey: &[u8], width: usize, board: &Board) -> opencv::Result<Vec<Vec<[f64; 2]>>> {
     let full = cv::grey_mat(grey, width)?;
+    let mut soft = Mat::default();
+    let (sigma, border) = (SOFTENING_PX, opencv::core::BORDER_REPLICATE);
+    imgproc::gaussian_blur(&full, &mut soft, Size::default(), sigma, sigma, border)?;
     let height = grey.len() / width.max(1);
     // The detectors' time grows faster than the picture, their finds do not.
     let shrink = (1600.0 / width.max(height) as f64).min(1.0);
@@ -143,17 +146,13 @@ fn detect(grey: &[u8], width: usize, board: &Board) -> opencv::Result<Vec<Vec<[f
     let thorough = flags + calib3d::CALIB_CB_EXHAUSTIVE;
     for flags in [flags, thorough] {
         if calib3d::find_chessboard_corners_sb(&small, pattern, &mut found, flags)? {
-            let corners = enlarge(&found);
-            sets.push(refine(&full, &corners, board)?);
-            if shrink == 1.0 {
-                sets.push(corners);
-            }
+            sets.push(refine(&soft, &enlarge(&found), board)?);
             break;
         }
     }
     let flags = calib3d::CALIB_CB_ADAPTIVE_THRESH + calib3d::CALIB_CB_NORMALIZE_IMAGE;
     if calib3d::find_chessboard_corners(&small, pattern, &mut found, flags)? {
-        sets.push(refine(&full, &enlarge(&found), board)?);
+        sets.push(refine(&soft, &enlarge(&found), board)?);
     }
     sets.retain(|set| set.len() == board.columns * board.rows);
     Ok(sets)
@@ -181,6 +180,11 @@ fn refine(grey: &Mat, corners: &[[f64; 2]], board: &Board) -> opencv::Result<Vec
     }
     Ok(refined)
 }
+
+/// Blur before refinement, pixels: edges sharper than the pixels are aliased, and the refinement
+/// takes the jags for the edge (0.178 px against 0.174 px on real views, 0.099 against 0.072 on
+/// rendered ones, which no lens has softened).
+const SOFTENING_PX: f64 = 1.0;
 
 /// Half window over distance to the nearest corner.
 const WINDOW_SHARE: f64 = 0.25;
@@ -211,16 +215,11 @@ fn smoothness(corners: &[[f64; 2]], board: &Board) -> Result<f64> {
         .iter()
         .zip(corners)
         .map(|(&p, seen)| {
-            let q = apply_homography(&h, p);
+            let q = cv::apply_homography(&h, p);
             (q[0] - seen[0]).powi(2) + (q[1] - seen[1]).powi(2)
         })
         .sum();
     Ok((squares / corners.len() as f64).sqrt())
-}
-
-fn apply_homography(h: &[f64; 9], [x, y]: [f64; 2]) -> [f64; 2] {
-    let w = h[6] * x + h[7] * y + h[8];
-    [(h[0] * x + h[1] * y + h[2]) / w, (h[3] * x + h[4] * y + h[5]) / w]
 }
 
 /// Puts the corners in the promised order.

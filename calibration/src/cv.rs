@@ -142,6 +142,12 @@ pub(crate) fn homography(from: &[[f64; 2]], to: &[[f64; 2]]) -> Result<[f64; 9]>
     run().map_err(CalibrationError::opencv("fitting a plane map"))
 }
 
+/// Where a plane map takes a point.
+pub(crate) fn apply_homography(h: &[f64; 9], [x, y]: [f64; 2]) -> [f64; 2] {
+    let w = h[6] * x + h[7] * y + h[8];
+    [(h[0] * x + h[1] * y + h[2]) / w, (h[3] * x + h[4] * y + h[5]) / w]
+}
+
 /// The first N doubles of a matrix; an error where it holds fewer.
 fn numbers<const N: usize>(mat: &Mat) -> opencv::Result<[f64; N]> {
     let data = mat.data_typed::<f64>()?;

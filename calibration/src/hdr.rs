@@ -1,5 +1,9 @@
 //! Radiance with its variance, picture by picture.
 
+use crate::error::{CalibrationError, Result};
+use crate::photo::Photo;
+use crate::response::Response;
+
 /// A merged picture: radiance and variance for every sample.
 ///
 /// Radiance is in linearised full scales per second: a sample that just fills a linear sensor in
@@ -26,6 +30,35 @@ pub struct HdrImage {
 }
 
 impl HdrImage {
+    /// One picture through a response, in linearised full scales (exposure time 1 s).
+    ///
+    /// # Errors
+    /// A picture whose samples do not match its size or the response's channels.
+    pub fn from_photo(photo: &Photo, response: &Response) -> Result<Self> {
+        photo.check()?;
+        if response.channels() != photo.channels {
+            return Err(CalibrationError::Mismatch {
+                picture: photo.name.clone(),
+                expected: format!("{} channel(s) as in the response", response.channels()),
+                found: photo.shape(),
+            });
+        }
+        let full = f64::from(photo.max_value);
+        let radiance = photo.data.iter().enumerate().map(|(i, &code)| {
+            response.linearise(f64::from(code) / full, i % photo.channels) as f32
+        });
+        Ok(Self {
+            width: photo.width,
+            height: photo.height,
+            channels: photo.channels,
+            radiance: radiance.collect(),
+            variance: vec![1.0; photo.data.len()],
+            variance_known: false,
+            clipped_shortest: 0,
+            lost_longest: 0,
+        })
+    }
+
     /// Samples with a finite radiance over all samples: 1 unless something is broken.
     pub fn finite_share(&self) -> f64 {
         share(&self.radiance, |v| v.is_finite())

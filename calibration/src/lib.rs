@@ -7,6 +7,7 @@
 mod board;
 mod bounded;
 mod camera;
+mod colour;
 mod cv;
 mod debevec;
 mod error;
@@ -29,6 +30,7 @@ pub use camera::{
     CameraCalibration, CameraModel, View, ViewFit, calibrate_camera, pose_from_points,
     reprojection_rms,
 };
+pub use colour::{Patch, WhiteBalance, find_chart, white_balance};
 pub use debevec::recover_response;
 pub use error::{CalibrationError, Result};
 pub use exposure::{ExposureTable, exif_exposure_s, parse_seconds};

@@ -172,14 +172,18 @@ fn camera_and_projector_are_recovered_from_pictures() {
     let baseline = centre.iter().map(|v| v * v).sum::<f64>().sqrt();
     assert!((found.baseline_mm / baseline - 1.0).abs() < 0.01, "{}", found.baseline_mm);
     // What counts in the end: a place on the plane is lit where it should be.
-    let pose = poses()[0];
-    let ours = FacePlane { device: found.model, pose: pose.then(&found.pose), z_mm: 0.0 };
-    let true_plane = FacePlane { device: truth, pose: pose.then(&to_projector), z_mm: 0.0 };
+    // (Each in its own camera frame: a shifted principal point turns the found one a little.)
+    let ours =
+        FacePlane { device: found.model, pose: seen[0].board_pose.then(&found.pose), z_mm: 0.0 };
+    let true_plane = FacePlane { device: truth, pose: poses()[0].then(&to_projector), z_mm: 0.0 };
+    let mut worst = 0.0_f64;
     for corner in shown.corner_pixels() {
         let [a, b] = [&ours, &true_plane].map(|plane| plane.pixel_to_face(corner).unwrap());
         let miss = (a[0] - b[0]).hypot(a[1] - b[1]);
+        worst = worst.max(miss);
         assert!(miss < 0.2, "{miss} mm at {corner:?}");
     }
+    eprintln!("worst miss on the plane {worst:.4} mm");
     let text = serde_json::to_string(&found).unwrap();
     let read: calibration::ProjectorCalibration = serde_json::from_str(&text).unwrap();
     assert_eq!(read.observations.len(), found.observations.len());
