@@ -103,8 +103,8 @@ pub(crate) fn find_in_grey(
     board: &Board,
     picture: &str,
 ) -> Result<Vec<[f64; 2]>> {
-    let candidates = detect(grey, width, board)
-        .map_err(CalibrationError::opencv("looking for a chessboard"))?;
+    let candidates =
+        detect(grey, width, board).map_err(CalibrationError::opencv("looking for a chessboard"))?;
     let mut best: Option<(f64, Vec<[f64; 2]>)> = None;
     for corners in candidates {
         let score = smoothness(&corners, board)?;
@@ -223,18 +223,12 @@ fn smoothness(corners: &[[f64; 2]], board: &Board) -> Result<f64> {
 }
 
 /// Puts the corners in the promised order.
-fn orient(
-    mut corners: Vec<[f64; 2]>,
-    grey: &[u8],
-    width: usize,
-    board: &Board,
-) -> Vec<[f64; 2]> {
+fn orient(mut corners: Vec<[f64; 2]>, grey: &[u8], width: usize, board: &Board) -> Vec<[f64; 2]> {
     let (columns, last) = (board.columns, corners.len() - 1);
     let edge = |from: usize, to: usize, set: &[[f64; 2]]| {
         [set[to][0] - set[from][0], set[to][1] - set[from][1]]
     };
-    let (along, down) =
-        (edge(0, columns - 1, &corners), edge(0, last + 1 - columns, &corners));
+    let (along, down) = (edge(0, columns - 1, &corners), edge(0, last + 1 - columns, &corners));
     if along[0] * down[1] - along[1] * down[0] < 0.0 {
         corners.chunks_mut(columns).for_each(<[_]>::reverse);
     }

@@ -24,12 +24,10 @@ pub(crate) fn least_quadratic(
         let active: Vec<usize> = (0..n).filter(|&i| free[i]).collect();
         let mut x = DVector::from_element(n, floor);
         if !active.is_empty() {
-            let held: DVector<f64> =
-                DVector::from_fn(n, |i, _| if free[i] { 0.0 } else { floor });
+            let held: DVector<f64> = DVector::from_fn(n, |i, _| if free[i] { 0.0 } else { floor });
             let rhs = b - q * held;
-            let part = DMatrix::from_fn(active.len(), active.len(), |i, j| {
-                q[(active[i], active[j])]
-            });
+            let part =
+                DMatrix::from_fn(active.len(), active.len(), |i, j| q[(active[i], active[j])]);
             let right = DVector::from_fn(active.len(), |i, _| rhs[active[i]]);
             let solved =
                 part.cholesky().ok_or_else(|| failed("too little information in the bracket"))?;
@@ -39,9 +37,8 @@ pub(crate) fn least_quadratic(
         let push = q * &x - b;
         // Rounding of a multiplier that is really zero.
         let slack = 1e-12 * b.amax().max(q.amax() * floor);
-        let wrong: Vec<usize> = (0..n)
-            .filter(|&i| if free[i] { x[i] < floor } else { push[i] < -slack })
-            .collect();
+        let wrong: Vec<usize> =
+            (0..n).filter(|&i| if free[i] { x[i] < floor } else { push[i] < -slack }).collect();
         let Some(&last) = wrong.last() else { return Ok(x) };
         if wrong.len() < fewest {
             (fewest, patience) = (wrong.len(), 3);

@@ -42,12 +42,13 @@ const REFERENCE: [[u8; 3]; 24] = [
 /// black one is mostly stray light.
 const GREYS: std::ops::Range<usize> = 19..23;
 
-/// Mean distance from the published colours, in the units of [`distances`]: whole charts under
-/// an uncorrected camera are 0.1 away, one half hidden by a leaf 0.3.
-const LARGEST_MEAN_DISTANCE: f64 = 0.18;
+/// Mean distance from the published colours, in the units of [`distances`]: whole charts are 0.1
+/// away under an uncorrected camera and 0.18 under one with a harsh tone curve, one half hidden
+/// by a leaf 0.3.
+const LARGEST_MEAN_DISTANCE: f64 = 0.24;
 
-/// Distance of any one patch: 0.2 on whole charts, 0.7 on the half hidden one.
-const LARGEST_DISTANCE: f64 = 0.4;
+/// Distance of any one patch: 0.2 to 0.3 on whole charts, 0.7 on the half hidden one.
+const LARGEST_DISTANCE: f64 = 0.45;
 
 /// Median absolute deviation over a patch's median: sensor noise stays well below.
 const LARGEST_UNEVENNESS: f64 = 0.2;
@@ -86,13 +87,14 @@ impl WhiteBalance {
 /// No chart, or one that cannot be trusted: a grey row that does not darken from patch to patch,
 /// uneven patches, or colours far from the published ones (half hidden, dirty or another chart).
 pub fn find_chart(image: &HdrImage, name: &str) -> Result<[Patch; 24]> {
-    let refuse = |reason: String| CalibrationError::ChartNotFound {
-        picture: name.to_owned(),
-        reason,
-    };
+    let refuse =
+        |reason: String| CalibrationError::ChartNotFound { picture: name.to_owned(), reason };
     let samples = image.width * image.height * 3;
     if image.channels != 3 || image.radiance.len() != samples || samples == 0 {
-        return Err(refuse(format!("expected a colour picture, found {} channel(s)", image.channels)));
+        return Err(refuse(format!(
+            "expected a colour picture, found {} channel(s)",
+            image.channels
+        )));
     }
     let corners = detect(image)
         .map_err(CalibrationError::opencv("looking for a ColorChecker"))?
@@ -172,9 +174,10 @@ fn detect(image: &HdrImage) -> opencv::Result<Option<[[f64; 2]; 4]>> {
         return Ok(None);
     }
     let corners = cv::points_from(&detector.get_best_color_checker()?.get_box()?);
-    Ok(corners.try_into().ok().map(|ring: [[f64; 2]; 4]| {
-        ring.map(|corner| corner.map(|v| (v + 0.5) / shrink - 0.5))
-    }))
+    Ok(corners
+        .try_into()
+        .ok()
+        .map(|ring: [[f64; 2]; 4]| ring.map(|corner| corner.map(|v| (v + 0.5) / shrink - 0.5))))
 }
 
 /// Medians of all patches, for a chart with corners top left, top right, bottom right, bottom
@@ -251,12 +254,12 @@ fn colour_distance(patches: &[Patch; 24]) -> f64 {
 
 fn check(patches: &[Patch; 24], distance: f64) -> std::result::Result<(), String> {
     let green = |i: usize| patches[i].radiance[1];
-    if let Some(i) = (18..23).find(|&i| !(green(i) > green(i + 1))) {
+    if let Some(i) = (18..23).find(|&i| green(i) <= green(i + 1)) {
         let (step, next) = (i - 17, i - 16);
-        return Err(format!("grey {next} is not darker than grey {step}: {:?}", [
-            green(i),
-            green(i + 1)
-        ]));
+        return Err(format!(
+            "grey {next} is not darker than grey {step}: {:?}",
+            [green(i), green(i + 1)]
+        ));
     }
     let each = distances(patches);
     let worst = (0..24).max_by(|&a, &b| each[a].total_cmp(&each[b])).unwrap_or(0);
@@ -268,7 +271,7 @@ fn check(patches: &[Patch; 24], distance: f64) -> std::result::Result<(), String
             each[worst]
         ));
     }
-    if let Some(i) = (0..24).find(|&i| !(patches[i].unevenness < LARGEST_UNEVENNESS)) {
+    if let Some(i) = (0..24).find(|&i| patches[i].unevenness > LARGEST_UNEVENNESS) {
         return Err(format!(
             "patch {} is uneven by {:.0} %: hidden, glossy or dirty?",
             i + 1,

@@ -153,8 +153,8 @@ fn normal_equations(bracket: &[(Photo, f64)], channel: usize) -> [Half; 2] {
             for &(k, share) in at {
                 b[k] += weights[i] * share * centred;
                 for (j, other) in seen.iter().enumerate() {
-                    let pair = if i == j { weights[i] } else { 0.0 }
-                        - weights[i] * weights[j] / total;
+                    let pair =
+                        if i == j { weights[i] } else { 0.0 } - weights[i] * weights[j] / total;
                     for &(l, share_l) in other {
                         h[(k, l)] += pair * share * share_l;
                     }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer,
-    LayerAttributes, ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read,
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes,
+    ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read,
 };
 use material::{Overwrite, atomic_write};
 
@@ -90,9 +90,8 @@ pub fn read_exr(path: impl AsRef<Path>) -> Result<HdrImage> {
     let layer = &file.layer_data;
     let Vec2(width, height) = layer.size;
     let list = &layer.channel_data.list;
-    let named = |name: &str| {
-        list.iter().find(|c| c.name.to_string() == name).map(|c| &c.sample_data)
-    };
+    let named =
+        |name: &str| list.iter().find(|c| c.name.to_string() == name).map(|c| &c.sample_data);
     let colour: Option<Vec<_>> = names(3).iter().map(|name| named(name)).collect();
     let grey = || {
         let others: Vec<_> =
@@ -116,9 +115,11 @@ pub fn read_exr(path: impl AsRef<Path>) -> Result<HdrImage> {
     let interleave = |planes: &[&FlatSamples]| {
         let mut data = vec![0.0_f32; pixels * channels];
         for (c, plane) in planes.iter().enumerate() {
-            data.iter_mut().skip(c).step_by(channels).zip(plane.values_as_f32()).for_each(
-                |(sample, value)| *sample = value,
-            );
+            data.iter_mut()
+                .skip(c)
+                .step_by(channels)
+                .zip(plane.values_as_f32())
+                .for_each(|(sample, value)| *sample = value);
         }
         data
     };

@@ -91,7 +91,9 @@ fn sigmas(normal: &DMatrix<f64>, r: &DVector<f64>) -> Vec<f64> {
     let freedom = r.len().saturating_sub(normal.nrows()).max(1) as f64;
     let variance = r.norm_squared() / freedom;
     match normal.clone().try_inverse() {
-        Some(inverse) => inverse.diagonal().iter().map(|v| (v * variance).max(0.0).sqrt()).collect(),
+        Some(inverse) => {
+            inverse.diagonal().iter().map(|v| (v * variance).max(0.0).sqrt()).collect()
+        }
         None => vec![f64::INFINITY; normal.nrows()],
     }
 }

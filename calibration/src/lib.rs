@@ -42,8 +42,6 @@ pub use noise::NoiseModel;
 pub use photo::{Photo, list_pictures};
 pub use pose::Pose;
 pub use projected::{ProjectedBoard, observe_projected_board};
-pub use projector::{
-    ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector,
-};
+pub use projector::{ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector};
 pub use rectify::{FaceMap, rectify};
 pub use response::{KNOTS, Response};

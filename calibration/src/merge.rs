@@ -196,9 +196,9 @@ impl<'a> Merger<'a> {
         let full = self.noise.full_scale;
         let black = self.response.linearise(self.noise.black_level / full, channel);
         let codes = 0..=full as usize;
-        let exposure = codes.clone().map(|v| {
-            (self.response.linearise(v as f64 / full, channel) - black) as f32
-        });
+        let exposure = codes
+            .clone()
+            .map(|v| (self.response.linearise(v as f64 / full, channel) - black) as f32);
         let dark_variance = codes.map(|v| {
             let slope = self.response.slope(v as f64 / full, channel);
             (slope * slope * self.noise.dark_variance() / (full * full)) as f32

@@ -69,9 +69,7 @@ impl Photo {
             .chunks_exact(self.channels)
             .map(|px| {
                 let code = match *px {
-                    [r, g, b] => {
-                        0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)
-                    }
+                    [r, g, b] => 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b),
                     _ => px.first().map_or(0.0, |&v| f32::from(v)),
                 };
                 (code * scale + 0.5) as u8

@@ -99,9 +99,7 @@ pub fn calibrate_projector(
                 .collect()
         },
         &start,
-        &[
-            1e3, 1e3, 1e3, 1e3, 1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0,
-        ],
+        &[1e3, 1e3, 1e3, 1e3, 1.0, 1.0, 0.1, 0.1, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0],
     )?;
     let (model, pose) = unpack(&fit.x, size);
     let square = |p: [f64; 3], pixel: [f64; 2]| {
@@ -189,13 +187,11 @@ fn resect(points: &[([f64; 3], [f64; 2])]) -> Result<Vec<f64>> {
     let mut left = Matrix3::from_fn(|i, j| p[4 * i + j]);
     let mut right = Vector3::new(p[3], p[7], p[11]);
     // Undo both scalings: pixel = extent · seen + middle, X = (p − centre) / size.
-    let undo =
-        Matrix3::new(extent, 0.0, middle[0], 0.0, extent, middle[1], 0.0, 0.0, 1.0);
+    let undo = Matrix3::new(extent, 0.0, middle[0], 0.0, extent, middle[1], 0.0, 0.0, 1.0);
     left = undo * left / size;
     right = undo * right - left * Vector3::from(centre);
     let (k, mut rotation) = upper_and_rotation(&left).ok_or_else(|| failed("degenerate views"))?;
-    let mut translation =
-        k.try_inverse().ok_or_else(|| failed("degenerate views"))? * right;
+    let mut translation = k.try_inverse().ok_or_else(|| failed("degenerate views"))? * right;
     // The sign of the whole is free; a rotation and points in front of the lens fix it.
     if rotation.determinant() < 0.0 {
         rotation = -rotation;

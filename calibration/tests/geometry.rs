@@ -50,7 +50,14 @@ fn render(pose: &Pose, seed: u64, light: impl Fn(f64, f64) -> f64 + Sync) -> Pho
             (20.0 + 200.0 * v + noise).clamp(0.0, 255.0) as u16
         })
         .collect();
-    Photo { width: 640, height: 480, channels: 1, data, max_value: 255, name: format!("pose{seed}") }
+    Photo {
+        width: 640,
+        height: 480,
+        channels: 1,
+        data,
+        max_value: 255,
+        name: format!("pose{seed}"),
+    }
 }
 
 /// Light reflected by a printed board on white paper, first inner corner at the origin.

@@ -126,8 +126,7 @@ fn the_merge_is_unbiased_with_an_honest_variance() {
             let data = (0..width * width)
                 .map(|p| {
                     let signal = truth(p) * time * noise.full_scale;
-                    let sigma =
-                        (noise.read_noise.powi(2) + noise.gain * signal).sqrt();
+                    let sigma = (noise.read_noise.powi(2) + noise.gain * signal).sqrt();
                     let code = noise.black_level + signal + sigma * normal(&mut rng);
                     code.round().clamp(0.0, noise.full_scale) as u16
                 })
@@ -153,9 +152,7 @@ fn the_merge_is_unbiased_with_an_honest_variance() {
         let information: f64 = (0..9)
             .map(|i| 8.0 / 2_f64.powi(i))
             .filter(|&t| signal(t) < 64000.0)
-            .map(|t| {
-                (t * noise.full_scale).powi(2) / (noise.variance(signal(t)))
-            })
+            .map(|t| (t * noise.full_scale).powi(2) / (noise.variance(signal(t))))
             .sum();
         let efficiency = 1.0 / information / spread;
         eprintln!(
@@ -206,9 +203,7 @@ fn a_real_bracket_merges() {
         let mut errors = Vec::new();
         for pair in bracket.windows(2) {
             let ((a, ta), (b, tb)) = (&pair[0], &pair[1]);
-            for (&va, &vb) in
-                a.data.iter().zip(&b.data).skip(channel).step_by(3)
-            {
+            for (&va, &vb) in a.data.iter().zip(&b.data).skip(channel).step_by(3) {
                 let usable = |v: u16| (20..=235).contains(&v);
                 if usable(va) && usable(vb) {
                     let ratio = response.linearise(f64::from(vb) / 255.0, channel)

@@ -17,9 +17,8 @@ fn a_lens_shifted_projector_is_found_below_its_own_picture() {
         .skip(1)
         .map(|line| line.split(',').map(|v| v.parse().unwrap_or(f64::NAN)).collect())
         .collect();
-    let poses: Vec<Vec<&Vec<f64>>> = (0..5)
-        .map(|pose| rows.iter().filter(|r| r[0] == f64::from(pose)).collect())
-        .collect();
+    let poses: Vec<Vec<&Vec<f64>>> =
+        (0..5).map(|pose| rows.iter().filter(|r| r[0] == f64::from(pose)).collect()).collect();
     let views: Vec<View> = poses
         .iter()
         .enumerate()
