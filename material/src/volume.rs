@@ -229,6 +229,7 @@ mod tests {
         };
         says(&|c, _| c[1].kappa_mm[17] = f32::NAN, &["G", "kappa", "NaN", "(1, 1, 1)", "17"]);
         says(&|c, _| c[0].mu_per_mm[0] = -0.5, &["R", "mu", "-0.5", "(0, 0, 0)"]);
+        says(&|c, _| c[0].mu_per_mm[4] = f32::INFINITY, &["R", "mu", "inf", "(0, 1, 0)"]);
         says(&|c, _| c[0].mu_per_mm[3] = 0.0, &["mu", "found 0", "(3, 0, 0)"]);
         says(&|c, _| c[0].kappa_mm.truncate(20), &["kappa", "24", "20"]);
         says(&|c, _| c[1].name = "R".into(), &["R", "twice"]);

@@ -132,12 +132,22 @@ mod tests {
     }
 
     #[test]
+    fn a_pixel_that_is_half_lit_gets_half() {
+        // Three pixels across the face: the edge between two columns halves the middle one.
+        let map = |[x, y]: [f64; 2]| Some([(x + 0.5) / 3.0, y + 0.5]);
+        let image = Pattern::region(2, 1, 0).render(3, 1, Some(&map)).unwrap();
+        assert_eq!(image.data, [255, 128, 0]);
+    }
+
+    #[test]
     fn corners_lie_where_the_squares_meet() {
         let board = Chessboard { columns: 3, rows: 2, square_px: 5, x0: 7, y0: 4 };
         let image = Pattern::Chessboard(board).render(40, 30, None).unwrap();
         let at = |x: f64, y: f64| image.data[y as usize * 40 + x as usize];
         assert_eq!(board.corners_px().len(), 6);
         for [x, y] in board.corners_px() {
+            // Between pixels, whose centres are whole numbers.
+            assert_eq!((x.fract(), y.fract()), (0.5, 0.5));
             // The pixels around a corner: equal across the diagonal, different along an edge.
             let around = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)];
             let [a, b, c, d] = around.map(|(dx, dy)| at(x + dx, y + dy));
