@@ -70,7 +70,7 @@ fn check_recovery(max_value: u16) {
     // One code of noise is 2.2/k in ln exposure at code k, 0.22 at k = 10, and the pixels chosen
     // there bring it down by some ten; the shoulder's bend costs as much at the other end.
     // Without smoothness a ripple of 0.3 stays.
-    assert!(worst < 0.04, "worst error of ln exposure {worst:.4}");
+    assert!(worst < 0.03, "worst error of ln exposure {worst:.4}");
 }
 
 #[test]
@@ -215,8 +215,8 @@ fn a_real_bracket_merges() {
         errors.sort_by(f64::total_cmp);
         let median = errors[errors.len() / 2];
         eprintln!("{name}: median |log2 ratio error| {median:.4} of {}", errors.len());
-        // Published tools reach 0.034 to 0.054 on codes 20 to 235; a wrong curve gives 0.7.
-        assert!(median < [0.041, 0.037, 0.054][channel], "{name}: {median}");
+        // Published tools reach 0.040 0.036 0.046 on codes 20 to 235, a wrong curve 0.7.
+        assert!(median < [0.040, 0.036, 0.046][channel], "{name}: {median}");
     }
     let noise = NoiseModel::for_max_value(255);
     let hdr = merge(bracket.into_iter().map(Ok::<_, CalibrationError>), &response, &noise).unwrap();
