@@ -1,1 +1,18 @@
-//! TODO
+//! A whole rig in software: a seeded sample with known κ and μ, a projector, a camera with lens,
+//! response and noise, and a bench that puts calibration targets in their places. It implements
+//! the traits of `rig`, so everything above cannot tell it from hardware.
+
+mod lens;
+mod optical_setup;
+mod sample;
+mod scene;
+mod sensor;
+mod simulated_rig;
+mod targets;
+
+pub use lens::Lens;
+pub use optical_setup::OpticalSetup;
+pub use sample::{SampleKind, SampleSpec};
+pub use sensor::Sensor;
+pub use simulated_rig::{SimulatedRig, Truth};
+pub use targets::{BOARD_COLUMNS, BOARD_ROWS, ChartPatch, chart_patches};

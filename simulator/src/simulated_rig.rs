@@ -1,0 +1,181 @@
+//! The rig's traits over a scene.
+
+use crate::scene::{Scene, SceneError};
+use crate::targets::square_mm;
+use crate::{BOARD_COLUMNS, BOARD_ROWS, SampleSpec, Sensor};
+use diffusion::Medium;
+use material::{Face, Optics};
+use rig::{
+    Bench, Camera, CameraInfo, DeviceError, Frame, Projector, ProjectorImage, ProjectorInfo, Rig,
+    Target,
+};
+use std::sync::{Arc, Mutex};
+
+/// How much finer, along each axis, the sample is simulated than it is solved.
+const REFINEMENT: usize = 2;
+
+/// A rig that exists in software only.
+pub struct SimulatedRig {
+    world: Arc<World>,
+}
+
+/// What nobody but the simulator knows.
+pub struct Truth {
+    /// True coefficients of red, green and blue.
+    pub media: Vec<Medium>,
+    /// The convention under which light was transported.
+    pub optics: Optics,
+}
+
+struct World {
+    scene: Scene,
+    sensor: Sensor,
+    seed: u64,
+    state: Mutex<State>,
+}
+
+/// What stands on the rig and what the projector shows; and the radiance of the last such pair
+/// that a picture was taken of.
+struct State {
+    target: Target,
+    image: ProjectorImage,
+    rendered: Option<Arc<Vec<f32>>>,
+}
+
+impl SimulatedRig {
+    /// Builds the rig around a sample that is lit on `lit` face.
+    ///
+    /// # Errors
+    /// The sample's coefficients make no medium; the built-in samples always do.
+    pub fn new(sample: &SampleSpec, lit: Face) -> Result<Self, DeviceError> {
+        let scene = Scene::new(sample, lit, REFINEMENT).map_err(failed)?;
+        let [width, height] = scene.setup.projector.size;
+        let image = ProjectorImage { width, height, data: vec![0; (width * height) as usize] };
+        let state = State { target: Target::Sample, image, rendered: None };
+        let world =
+            World { scene, sensor: Sensor::default(), seed: sample.seed, state: Mutex::new(state) };
+        Ok(Self { world: Arc::new(world) })
+    }
+
+    /// The devices.
+    pub fn rig(&self) -> Rig {
+        let device = || Device { world: Arc::clone(&self.world) };
+        Rig { camera: Box::new(device()), projector: Box::new(device()), bench: Box::new(device()) }
+    }
+
+    /// The sensor's figures, as its data sheet would give them.
+    pub fn sensor(&self) -> Sensor {
+        self.world.sensor
+    }
+
+    /// The printed chessboard that goes with this rig: inner corners a row and a column, and the
+    /// edge of a square in mm.
+    pub fn board(&self) -> (usize, usize, f64) {
+        (BOARD_COLUMNS, BOARD_ROWS, square_mm(&self.world.scene.setup))
+    }
+
+    /// What the sample really is.
+    pub fn truth(&self) -> Truth {
+        Truth { media: self.world.scene.media().to_vec(), optics: self.world.scene.optics }
+    }
+}
+
+/// One handle for all three roles: the light path ties them together.
+struct Device {
+    world: Arc<World>,
+}
+
+fn failed(error: SceneError) -> DeviceError {
+    DeviceError::Unsupported { device: NAME.into(), reason: error.to_string() }
+}
+
+const NAME: &str = "simulated rig";
+
+impl Device {
+    fn with_state<T>(&self, act: impl FnOnce(&mut State) -> T) -> T {
+        // A poisoned lock means that a render panicked; the state itself is always whole.
+        let mut state = self.world.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        act(&mut state)
+    }
+}
+
+impl Camera for Device {
+    fn info(&self) -> CameraInfo {
+        let [width, height] = self.world.scene.setup.camera.size;
+        let bit_depth = self.world.sensor.bit_depth;
+        CameraInfo { name: "simulated camera".into(), width, height, channels: 3, bit_depth }
+    }
+
+    fn expose(&mut self, exposure_s: f64) -> Result<Frame, DeviceError> {
+        let world = &self.world;
+        let (radiance, key) = self.with_state(|state| -> Result<_, DeviceError> {
+            let radiance = match &state.rendered {
+                Some(radiance) => Arc::clone(radiance),
+                None => {
+                    let fresh = world.scene.render(&state.target, &state.image).map_err(failed)?;
+                    let fresh = Arc::new(fresh);
+                    state.rendered = Some(Arc::clone(&fresh));
+                    fresh
+                }
+            };
+            // Noise depends on what is photographed and how, not on what was photographed before:
+            // a capture that is taken up again gets the frames it would have got.
+            let mut hash = blake3::Hasher::new();
+            hash.update(&world.seed.to_le_bytes());
+            hash.update(format!("{:?}", state.target).as_bytes());
+            hash.update(&state.image.data);
+            hash.update(&exposure_s.to_le_bytes());
+            Ok((radiance, *hash.finalize().as_bytes()))
+        })?;
+        let info = Camera::info(self);
+        let row = 3 * info.width as usize;
+        Ok(Frame {
+            width: info.width,
+            height: info.height,
+            channels: 3,
+            bit_depth: info.bit_depth,
+            data: world.sensor.expose(&radiance, row, exposure_s, key),
+            exposure_s,
+        })
+    }
+}
+
+impl Projector for Device {
+    fn info(&self) -> ProjectorInfo {
+        let [width, height] = self.world.scene.setup.projector.size;
+        ProjectorInfo { name: "simulated projector".into(), width, height }
+    }
+
+    fn show(&mut self, image: &ProjectorImage) -> Result<(), DeviceError> {
+        let [width, height] = self.world.scene.setup.projector.size;
+        let pixels = (width * height) as usize;
+        if (image.width, image.height) != (width, height) || image.data.len() != pixels {
+            return Err(DeviceError::Unsupported {
+                device: NAME.into(),
+                reason: format!(
+                    "an image of {}x{} on {width}x{height} pixels",
+                    image.width, image.height
+                ),
+            });
+        }
+        self.with_state(|state| {
+            if state.image != *image {
+                state.image = image.clone();
+                state.rendered = None;
+            }
+        });
+        Ok(())
+    }
+}
+
+impl Bench for Device {
+    fn place(&mut self, target: &Target) -> Result<(), DeviceError> {
+        self.with_state(|state| {
+            if state.target != *target {
+                state.target = *target;
+                state.rendered = None;
+            }
+        });
+        Ok(())
+    }
+}
