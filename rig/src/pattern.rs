@@ -62,6 +62,9 @@ pub struct Chessboard {
     pub y0: u32,
 }
 
+/// More inner corners a row or column than any projector could show.
+const MOST_CORNERS: usize = 500;
+
 /// A direction on the face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -92,9 +95,9 @@ pub enum PatternError {
     /// Two rectangles that share more than an edge.
     #[error("rectangles {0} and {1} overlap")]
     Overlap(usize, usize),
-    /// A chessboard without corners or squares.
+    /// A chessboard without corners or squares, or with more corners than a projector has pixels for.
     #[error(
-        "a chessboard needs at least 2 × 2 inner corners and squares of a pixel, found {0} × {1} and {2} px"
+        "a chessboard needs 2 to {MOST_CORNERS} inner corners a row and a column and squares of at least a pixel, found {0} × {1} and {2} px"
     )]
     Chessboard(usize, usize, u32),
 }
@@ -174,7 +177,8 @@ impl Pattern {
                 Ok(())
             }
             &Self::Chessboard(Chessboard { columns, rows, square_px, .. }) => {
-                if columns < 2 || rows < 2 || square_px == 0 {
+                if ![columns, rows].iter().all(|n| (2..=MOST_CORNERS).contains(n)) || square_px == 0
+                {
                     return Err(PatternError::Chessboard(columns, rows, square_px));
                 }
                 Ok(())
@@ -306,6 +310,8 @@ mod tests {
         ));
         assert_eq!(Pattern::Grey { level: 1.5 }.check(), Err(PatternError::Level(1.5)));
         let board = Chessboard { columns: 1, rows: 5, square_px: 8, x0: 0, y0: 0 };
+        assert!(Pattern::Chessboard(board).check().is_err());
+        let board = Chessboard { columns: usize::MAX, ..board };
         assert!(Pattern::Chessboard(board).check().is_err());
     }
 }

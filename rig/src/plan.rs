@@ -180,8 +180,9 @@ impl Plan {
         let exposure_s = self.shots.iter().map(exposure).sum();
         let changes = self.shots.windows(2).filter(|pair| pair[0].target != pair[1].target);
         let placements = changes.count() + usize::from(!self.shots.is_empty());
-        let frame_bytes =
-            u64::from(camera.width) * u64::from(camera.height) * u64::from(camera.channels) * 2;
+        let frame_bytes = [camera.width, camera.height, u32::from(camera.channels), 2]
+            .into_iter()
+            .fold(1, |bytes: u64, n| bytes.saturating_mul(u64::from(n)));
         PlanSummary {
             shots: self.shots.len(),
             frames,
@@ -190,7 +191,7 @@ impl Plan {
             estimated_s: exposure_s
                 + frames as f64 * PER_FRAME_S
                 + placements as f64 * PER_PLACEMENT_S,
-            bytes: frames as u64 * frame_bytes,
+            bytes: (frames as u64).saturating_mul(frame_bytes),
         }
     }
 }
