@@ -94,7 +94,7 @@ impl Board {
 /// [`CalibrationError::BoardNotFound`] with the likeliest reason.
 pub fn find_board(photo: &Photo, board: &Board) -> Result<Vec<[f64; 2]>> {
     photo.check()?;
-    find_in_grey(&photo.grey_u8(), photo.width, board, &photo.name)
+    find_in_grey(&photo.detector_grey(), photo.width, board, &photo.name)
 }
 
 pub(crate) fn find_in_grey(

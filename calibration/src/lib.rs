@@ -24,6 +24,7 @@ mod projected;
 mod projector;
 mod rectify;
 mod response;
+mod views;
 
 pub use board::{Board, find_board};
 pub use camera::{
@@ -45,3 +46,4 @@ pub use projected::{ProjectedBoard, observe_projected_board};
 pub use projector::{ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector};
 pub use rectify::{FaceMap, rectify};
 pub use response::{KNOTS, Response};
+pub use views::{BoardViews, find_views};

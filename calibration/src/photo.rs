@@ -62,9 +62,25 @@ impl Photo {
         (width > 0 && height > 0).then_some(Self { width, height, channels, data, max_value, name })
     }
 
-    /// The picture as 8-bit grey (Rec. 601 luma of the codes), for detectors.
+    /// The picture as 8-bit grey (Rec. 601 luma of the codes).
     pub fn grey_u8(&self) -> Vec<u8> {
-        let scale = 255.0 / f32::from(self.max_value);
+        self.scaled_grey(255.0 / f32::from(self.max_value))
+    }
+
+    /// Grey for detectors: as [`Self::grey_u8`], but a dark 16-bit picture is brightened, up to
+    /// 16 times, until its brightest thousandth is white. 8 bits hold nothing to bring out.
+    pub(crate) fn detector_grey(&self) -> Vec<u8> {
+        let full = f32::from(self.max_value);
+        let mut codes: Vec<u16> = self.data.iter().copied().step_by(17).collect();
+        let place = codes.len().saturating_sub(1) * 999 / 1000;
+        if self.max_value == 255 || codes.is_empty() {
+            return self.grey_u8();
+        }
+        let bright = f32::from(*codes.select_nth_unstable(place).1);
+        self.scaled_grey(255.0 / bright.clamp(full / 16.0, full))
+    }
+
+    fn scaled_grey(&self, scale: f32) -> Vec<u8> {
         self.data
             .chunks_exact(self.channels)
             .map(|px| {

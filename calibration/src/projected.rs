@@ -93,7 +93,7 @@ pub fn observe_projected_board(
         photo.check()?;
     }
     let board_pose = pose_from_points(camera, &printed.view(white)?)?;
-    let mut grey = pattern.grey_u8();
+    let mut grey = pattern.detector_grey();
     paint_over(&mut grey, camera, printed, &board_pose);
     let corners = find_in_grey(&grey, camera.width, &shape, &pattern.name)?;
     let on_plane = corners.iter().map(|&pixel| intersect(camera, &board_pose, 0.0, pixel));

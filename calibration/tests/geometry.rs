@@ -197,6 +197,21 @@ fn camera_and_projector_are_recovered_from_pictures() {
 }
 
 #[test]
+fn a_dark_16_bit_picture_keeps_its_board() {
+    let board = Board::parse("7x6", 20.0).unwrap();
+    let mut photo = render(&poses()[1], 9, |x, y| print(&board, x, y));
+    let bright = find_board(&photo, &board).unwrap();
+    // The same light at a tenth of full scale, in 16 bits.
+    photo.data.iter_mut().for_each(|v| *v *= 26);
+    photo.max_value = 65535;
+    let dark = find_board(&photo, &board).unwrap();
+    for (a, b) in bright.iter().zip(&dark) {
+        // Another quantisation of the same picture.
+        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 0.05, "{a:?} {b:?}");
+    }
+}
+
+#[test]
 fn an_unseen_board_is_reported_with_a_reason() {
     let board = Board::parse("9x6", 25.0).unwrap();
     let flat = |value: u16| Photo {
