@@ -23,10 +23,10 @@ pub struct Response {
 }
 
 impl Response {
-    /// A linear sensor of one or three channels: exposure = code.
+    /// A linear sensor of one or three channels (at least one): exposure = code.
     pub fn identity(channels: usize) -> Self {
         let line: Vec<f64> = (0..KNOTS).map(|k| k as f64 / (KNOTS - 1) as f64).collect();
-        Self { exposure: vec![line; channels] }
+        Self { exposure: vec![line; channels.max(1)] }
     }
 
     /// Curves from exposures at the knots, one vector of 256 per channel, scaled as documented.

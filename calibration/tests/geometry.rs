@@ -226,6 +226,11 @@ fn an_unseen_board_is_reported_with_a_reason() {
         let message = find_board(&flat(value), &board).unwrap_err().to_string();
         assert!(message.contains("flat.png") && message.contains(word), "{message}");
     }
+    // However small, a picture is answered, not choked on.
+    for (width, height) in [(1, 1), (4, 3), (1, 300), (20, 16)] {
+        let tiny = Photo { width, height, data: vec![90; width * height], ..flat(90) };
+        assert!(find_board(&tiny, &board).is_err());
+    }
     for text in ["9", "9x", "1x6", "9x6x3", "x"] {
         assert!(Board::parse(text, 25.0).is_err(), "{text}");
     }

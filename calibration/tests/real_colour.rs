@@ -2,7 +2,7 @@
 
 mod common;
 
-use calibration::{HdrImage, KNOTS, Photo, Response, find_chart, white_balance};
+use calibration::{CalibrationError, HdrImage, KNOTS, Photo, Response, find_chart, white_balance};
 
 /// The pictures are sRGB.
 fn srgb() -> Response {
@@ -45,16 +45,18 @@ fn a_half_hidden_chart_is_refused() {
 
 #[test]
 fn a_picture_without_a_chart_is_refused() {
-    let flat = HdrImage {
-        width: 200,
-        height: 150,
-        channels: 3,
-        radiance: vec![0.5; 200 * 150 * 3],
-        variance: vec![1.0; 200 * 150 * 3],
-        variance_known: false,
-        clipped_shortest: 0,
-        lost_longest: 0,
-    };
-    let error = find_chart(&flat, "flat.exr").unwrap_err().to_string();
-    assert!(error.contains("flat.exr"), "{error}");
+    for (width, height) in [(200, 150), (3, 2), (1, 1)] {
+        let flat = HdrImage {
+            width,
+            height,
+            channels: 3,
+            radiance: vec![0.5; width * height * 3],
+            variance: vec![1.0; width * height * 3],
+            variance_known: false,
+            clipped_shortest: 0,
+            lost_longest: 0,
+        };
+        let error = find_chart(&flat, "flat.exr").unwrap_err();
+        assert!(matches!(error, CalibrationError::ChartNotFound { .. }), "{error}");
+    }
 }
