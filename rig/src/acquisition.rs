@@ -16,8 +16,10 @@ pub struct Acquisition {
     pub regions: [usize; 2],
     /// Exposure times of every frame of the sample, seconds.
     pub bracket_s: Vec<f64>,
-    /// Exposure times of boards, sheets and chart, seconds.
-    pub calibration_bracket_s: Vec<f64>,
+    /// Exposure times of the chart and of the white sheet, seconds.
+    pub reference_bracket_s: Vec<f64>,
+    /// Exposure time of a chessboard, printed or projected, seconds.
+    pub board_exposure_s: f64,
     /// Poses of the chessboard.
     pub poses: usize,
     /// The chessboard that the projector shows.
@@ -47,7 +49,10 @@ impl Acquisition {
         let shot = |name: String, purpose, target, pattern| Shot {
             name,
             purpose,
-            exposures_s: self.calibration_bracket_s.clone(),
+            exposures_s: match purpose {
+                Purpose::Geometry => vec![self.board_exposure_s],
+                _ => self.reference_bracket_s.clone(),
+            },
             repeats: self.repeats,
             target,
             pattern,

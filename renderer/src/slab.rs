@@ -1,0 +1,92 @@
+//! The acquired slab itself, relit by the diffusion equation that it was acquired under.
+
+use diffusion::{
+    Batch, CpuSolver, Forward, IlluminationError, Illuminations, Medium, MediumError, SolveError,
+};
+use material::{Face, Material};
+
+/// Relative residual of the solve: a thousandth of what an eye or a camera tells apart.
+const TOLERANCE: f64 = 1e-6;
+
+/// Why a material cannot be relit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RelightError {
+    /// The coefficients make no medium.
+    #[error(transparent)]
+    Medium(#[from] MediumError),
+    /// A pattern does not fit the lit face.
+    #[error(transparent)]
+    Light(#[from] IlluminationError),
+    /// The solve failed.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
+/// Radiance of the front face under patterns of irradiance on the material's lit face.
+///
+/// `irradiance` holds one map of nx × ny values (x fastest, sample frame) a pattern, 1 being
+/// projector white. Returns `[channel][pattern][cell]`, radiance along the normal in 1/sr times
+/// the irradiance unit, with each channel's fitted gain applied.
+///
+/// # Errors
+/// A map of another size than the lit face or with values that are not finite; a solve that does
+/// not reach 1e-6.
+pub fn relight(
+    material: &Material,
+    irradiance: &[Vec<f64>],
+) -> Result<Vec<Vec<Vec<f64>>>, RelightError> {
+    let grid = material.grid();
+    let light = Illuminations::new(grid, material.lit_face(), irradiance.to_vec())?;
+    let mut solver = CpuSolver::<f32>::new();
+    let mut out = Vec::with_capacity(material.channels().len());
+    for channel in material.channels() {
+        let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
+        let medium = Medium::new(*grid, wide(&channel.kappa_mm), wide(&channel.mu_per_mm))?;
+        let mut forward = Forward::new(medium, material.optics(), &mut solver)?;
+        let mut fluence = Batch::zeros(grid.len(), light.count());
+        forward.solve(&light, &mut fluence, TOLERANCE)?;
+        let mut images = forward.exit_radiance(&light, &fluence, Face::Front);
+        images.iter_mut().flatten().for_each(|l| *l *= channel.gain);
+        out.push(images);
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use material::{Channel, Grid, Optics, Provenance};
+
+    fn slab(gain: f64) -> Material {
+        let grid = Grid::new([8, 6, 4], [0.5; 3]).unwrap();
+        let channel = Channel {
+            name: "G".into(),
+            kappa_mm: vec![0.3; grid.len()],
+            mu_per_mm: vec![0.01; grid.len()],
+            gain,
+        };
+        let optics = Optics::from_eta(1.3);
+        Material::new(grid, vec![channel], optics, Face::Back, Provenance::default()).unwrap()
+    }
+
+    /// Light adds up: two halves of the face together give the whole, to the solver's residual.
+    #[test]
+    fn relighting_is_linear_and_gained() {
+        let half = |left: bool| -> Vec<f64> {
+            (0..48).map(|i| f64::from(u8::from((i % 8 < 4) == left))).collect()
+        };
+        let images = relight(&slab(1.0), &[half(true), half(false), vec![1.0; 48]]).unwrap();
+        let doubled = relight(&slab(2.0), &[half(true)]).unwrap();
+        for c in 0..48 {
+            let [a, b, whole] = [0, 1, 2].map(|m| images[0][m][c]);
+            assert!(whole > 0.0 && (a + b - whole).abs() < 1e-5 * whole, "{a} + {b} = {whole}");
+            assert!((doubled[0][0][c] - 2.0 * a).abs() < 1e-9 * a);
+        }
+    }
+
+    #[test]
+    fn a_map_of_another_size_is_refused() {
+        let error = relight(&slab(1.0), &[vec![1.0; 47]]).unwrap_err();
+        assert!(matches!(error, RelightError::Light(IlluminationError::WrongLength { .. })));
+    }
+}
