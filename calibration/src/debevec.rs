@@ -27,10 +27,11 @@ const PIXELS_PER_CODE: usize = 60;
 /// Where all times are powers of one ratio r, any ripple of period ln r over ln exposure fits
 /// every pixel, held out or not: only smoothness can remove it, so the smoothest is taken
 /// of the curves that are as good as the best.
-const ENOUGH: f64 = 1.003;
+const ENOUGH: f64 = 1.15;
 
-/// Fits after the first, each with the outliers of the last weighed down.
-const ROBUST_ROUNDS: usize = 6;
+/// Fits after the first, with its outliers weighed down. One only: more rounds drive the curve
+/// to stairs of one exposure ratio each, which fit best of all and are wrong.
+const ROBUST_ROUNDS: usize = 1;
 
 /// Recovers the response from a bracket: pictures of one still scene with exposure times (s).
 ///
