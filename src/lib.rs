@@ -1,1 +1,10 @@
-//! TODO
+//! The pipeline from a session's frames to a material, and the command line over it.
+
+pub mod cli;
+mod commands;
+mod failure;
+mod measurement;
+mod output;
+mod session;
+
+pub use failure::Failure;

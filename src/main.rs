@@ -1,2 +1,5 @@
-//! TODO
-fn main() {}
+//! The `diaphane` command.
+
+fn main() -> std::process::ExitCode {
+    diaphane::cli::main()
+}

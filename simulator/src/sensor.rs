@@ -26,15 +26,15 @@ pub struct Sensor {
 }
 
 impl Default for Sensor {
-    /// A middling machine-vision camera of 14 bits with a film-like curve. The sensitivity fills
+    /// A middling machine-vision camera, codes scaled to 16 bits, with a film-like curve. The sensitivity fills
     /// half the well with a white sheet in 1/30 s.
     fn default() -> Self {
         Self {
-            bit_depth: 14,
+            bit_depth: 16,
             full_well: 25_000.0,
             read_noise: 6.0,
             dark_current: 3.0,
-            black: 0.012,
+            black: 0.004,
             sensitivity: [36.0, 47.0, 30.0],
             curvature: 6.0,
         }

@@ -1,0 +1,107 @@
+//! The command line: arguments in, exit code out.
+
+use crate::commands::{calibrate, capture, demo, export, init, merge, plan, solve, verify};
+use crate::output::Done;
+use crate::Failure;
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Turns a block of marble, wax, jade or skin phantom into a material that a renderer can use.
+#[derive(Parser)]
+#[command(name = "diaphane", version, max_term_width = 100)]
+struct Cli {
+    /// Print the result as JSON on standard output
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Make a session on the simulated rig
+    Init(init::Args),
+    /// Show what a capture takes, without touching hardware
+    Plan(plan::Args),
+    /// Take the pictures that are missing
+    Capture(capture::Args),
+    /// Find out where camera and projector are and what their codes mean
+    #[command(subcommand)]
+    Calibrate(calibrate::Args),
+    /// Merge brackets to radiance
+    Merge(merge::Args),
+    /// Find κ and μ of every voxel
+    Solve(solve::Args),
+    /// Relight the material under every captured pattern and compare
+    Verify(verify::Args),
+    /// Write the material for other programs
+    Export(export::Args),
+    /// Acquire a material on the simulated rig, from nothing to a report
+    Demo(demo::Args),
+}
+
+/// Set by Ctrl-C; long work ends at the next good place.
+pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Runs the command that the arguments ask for.
+pub fn main() -> ExitCode {
+    let json = std::env::args().any(|a| a == "--json");
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() && json => {
+            let text = error.render().to_string();
+            let failure = Failure::input(text.trim()).hint("see: diaphane --help");
+            println!("{}", failure.json());
+            return ExitCode::from(2);
+        }
+        Err(error) => {
+            let code = u8::try_from(error.exit_code()).unwrap_or(2);
+            // A closed pipe is the reader's business.
+            let _ = error.print();
+            return ExitCode::from(code);
+        }
+    };
+    // Without a handler Ctrl-C still works: it just ends the program at once.
+    let _ = ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("stopping at the next good place; once more to stop now");
+    });
+    match run(cli.command) {
+        Ok(done) => {
+            if !done.text.is_empty() {
+                eprintln!("{}", done.text);
+            }
+            if cli.json {
+                println!("{}", done.json);
+            }
+            ExitCode::SUCCESS
+        }
+        Err(failure) => {
+            eprintln!("error: {}", failure.error);
+            if let Some(hint) = &failure.hint {
+                eprintln!(" hint: {hint}");
+            }
+            if cli.json {
+                println!("{}", failure.json());
+            }
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+fn run(command: Command) -> Result<Done, Failure> {
+    match command {
+        Command::Init(args) => init::run(&args),
+        Command::Plan(args) => plan::run(&args),
+        Command::Capture(args) => capture::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
+        Command::Merge(args) => merge::run(&args),
+        Command::Solve(args) => solve::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Demo(args) => demo::run(&args),
+    }
+}

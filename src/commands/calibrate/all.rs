@@ -1,0 +1,332 @@
+//! `diaphane calibrate all`: camera, projector, face, response, white, from a session's pictures.
+
+use crate::Failure;
+use crate::output::{Done, Progress};
+use crate::session::{RigConfig, Session};
+use calibration::{
+    Board, CalibrationError, CameraCalibration, CameraModel, FacePlane, HdrImage, NoiseModel,
+    Photo, Pose, ProjectorCalibration, ProjectorView, Response, View, WhiteBalance,
+    calibrate_camera, calibrate_projector, find_board, find_chart, merge, pose_from_points,
+    recover_response, rectify, reprojection_rms, white_balance,
+};
+use material::{Face, Overwrite};
+use rig::{Chessboard, frame_path, read_frame};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::PathBuf;
+
+const RESULT: &str = "calibration/calibration.json";
+const COMMAND: &str = "diaphane calibrate all SESSION";
+
+/// Calibrate everything that a session needs from the pictures it has taken
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane calibrate all my-wax")]
+pub(crate) struct Args {
+    /// Folder of the session
+    session: PathBuf,
+    /// Replace a calibration that is there
+    #[arg(long)]
+    force: bool,
+}
+
+/// What the session knows about its rig.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Calibrated {
+    pub camera: CameraCalibration,
+    pub projector: ProjectorCalibration,
+    /// The front face, seen by the camera.
+    pub front: FacePlane,
+    /// RMS of the board that lay in the front face's plane, pixels.
+    pub front_rms_px: f64,
+    pub response: Response,
+    /// From the chart's grey row.
+    pub white_balance: WhiteBalance,
+    /// Merged radiance of a white sheet under irradiance 1, red, green and blue.
+    pub white: [f64; 3],
+    /// Irradiance of projector white on the lit face's cells, mean 1, x fastest.
+    pub irradiance: Vec<f64>,
+    /// How far chart and white sheet disagree on white, largest of the channels.
+    pub white_disagreement: f64,
+}
+
+pub(crate) fn is_done(session: &Session) -> bool {
+    session.path(RESULT).is_file()
+}
+
+pub(crate) fn load(session: &Session) -> Result<Calibrated, Failure> {
+    session.read_json(RESULT, COMMAND)
+}
+
+/// The lit face, lit by the projector: what turns a place on it into a projector pixel.
+pub(crate) fn lit_plane(session: &Session) -> Result<FacePlane, Failure> {
+    let found = load(session)?;
+    Ok(FacePlane {
+        device: found.projector.model,
+        pose: found.front.pose.then(&found.projector.pose),
+        z_mm: lit_z(session),
+    })
+}
+
+fn lit_z(session: &Session) -> f64 {
+    match session.config.sample.lit_face {
+        Face::Front => 0.0,
+        Face::Back => session.config.sample.grid.size_mm()[2],
+    }
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let session = Session::open(&args.session)?;
+    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    let found = solve(&session, overwrite)?;
+    let text = format!(
+        "camera {:.3} px over {} views, projector {:.3} px, front face {:.3} px\n\
+         baseline {:.1} mm; white by chart and by sheet agree to {:.1} %\n\
+         next: diaphane capture {}",
+        found.camera.rms_px,
+        found.camera.views.len(),
+        found.projector.rms_px,
+        found.front_rms_px,
+        found.projector.baseline_mm,
+        100.0 * found.white_disagreement,
+        session.folder().display()
+    );
+    let model = |m: &CameraModel| json!({ "fx": m.fx, "fy": m.fy, "cx": m.cx, "cy": m.cy });
+    let json = json!({
+        "camera_rms_px": found.camera.rms_px,
+        "projector_rms_px": found.projector.rms_px,
+        "front_rms_px": found.front_rms_px,
+        "camera": model(&found.camera.model),
+        "projector": model(&found.projector.model),
+        "baseline_mm": found.projector.baseline_mm,
+        "white_balance_gains": found.white_balance.gains,
+        "white_disagreement": found.white_disagreement,
+        "response_strictly_increasing": found.response.is_strictly_increasing(),
+    });
+    Ok(Done::new(json, text))
+}
+
+/// The parts of the rig's description that a calibration needs.
+fn described(session: &Session) -> Result<(Board, NoiseModel), Failure> {
+    match &session.config.rig {
+        RigConfig::Simulated { board, noise, .. } => Ok((*board, *noise)),
+        RigConfig::Imported => Err(Failure::input(format!(
+            "{}: the pictures of this session were imported; there is nothing to calibrate",
+            session.folder().display()
+        ))),
+    }
+}
+
+/// Calibrates and writes the result.
+pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrated, Failure> {
+    session.refuse_existing(RESULT, overwrite)?;
+    let (board, noise) = described(session)?;
+    let plan = &session.config.plan;
+    let mut progress = Progress::new("calibrate", 5);
+
+    progress.set(0, "camera");
+    let printed: Vec<View> = found_boards(session, "board", |photo| {
+        Ok(View {
+            name: photo.name.clone(),
+            image_points: find_board(&photo, &board)?,
+            object_points: board.object_points(),
+        })
+    })?;
+    let size = printed.first().map_or(Ok([0, 0]), |v| {
+        let photo = frame_photo(session, &v.name, 0)?;
+        Ok::<_, Failure>([photo.width, photo.height])
+    })?;
+    let camera = calibrate_camera(&printed, size)?;
+
+    progress.set(1, "projector");
+    let mirrored = session.config.sample.lit_face == Face::Back;
+    let mut views = Vec::new();
+    for view in &printed {
+        let pose = pose_from_points(&camera.model, view)?;
+        let name = view.name.replace("board", "projected");
+        let photo = frame_photo(session, &name, 0)?;
+        match projected_view(&photo, &camera.model, pose, &plan.projector_board, mirrored) {
+            Ok(view) => views.push(view),
+            Err(error @ CalibrationError::BoardNotFound { .. }) => eprintln!("warning: {error}"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    let lit = frame_projector_size(session)?;
+    let projector = calibrate_projector(&views, lit)?;
+
+    progress.set(2, "face");
+    let (pose, front_rms_px) = face_pose(session, &camera.model, &board)?;
+    let front = FacePlane { device: camera.model, pose, z_mm: 0.0 };
+
+    progress.set(3, "response");
+    let chart = bracket(session, "chart")?;
+    let response = recover_response(&chart)?;
+
+    progress.set(4, "white");
+    let merged = |shot: &str| -> Result<HdrImage, Failure> {
+        merge_shot(session, shot, &plan.reference_bracket_s, &response, &noise)
+    };
+    let chart = subtract(merged("chart")?, &merged("chart-black")?);
+    let balance = white_balance(&find_chart(&chart, "chart")?)?;
+    let sheet = subtract(merged("sheet-white")?, &merged("sheet-black")?);
+    let lit_seen = FacePlane { device: camera.model, pose, z_mm: lit_z(session) };
+    let grid = &session.config.sample.grid;
+    let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
+    let map = rectify(&sheet, &lit_seen, [nx, ny], [hx, hy])?;
+    let face = nx * ny;
+    let mean = |c: usize| -> f64 {
+        map.radiance[c * face..(c + 1) * face].iter().map(|v| f64::from(*v)).sum::<f64>()
+            / face as f64
+    };
+    let seen = [mean(0), mean(1), mean(2)];
+    if !seen.iter().all(|s| s.is_finite() && *s > 0.0) {
+        return Err(Failure::input(format!("sheet-white: the white sheet is dark: {seen:?}"))
+            .hint("the projector must be on and the sheet in the plane of the lit face"));
+    }
+    // A sheet of radiance 1/π is under irradiance 1. Its colour is the projector's white.
+    let irradiance = (0..face)
+        .map(|i| (0..3).map(|c| f64::from(map.radiance[c * face + i]) / seen[c]).sum::<f64>() / 3.0)
+        .collect();
+    let balanced: Vec<f64> = (0..3).map(|c| seen[c] * balance.gains[c]).collect();
+    let white_disagreement =
+        balanced.iter().map(|b| (b / balanced[1] - 1.0).abs()).fold(0.0, f64::max);
+
+    let found = Calibrated {
+        camera,
+        projector,
+        front,
+        front_rms_px,
+        response,
+        white_balance: balance,
+        white: seen,
+        irradiance,
+        white_disagreement,
+    };
+    session.write_json(RESULT, &found, overwrite)?;
+    progress.finish("done");
+    Ok(found)
+}
+
+/// The frame of a shot at one exposure, as a photo that carries the shot's name.
+pub(crate) fn frame_photo(session: &Session, shot: &str, exposure: usize) -> Result<Photo, Failure> {
+    let command = "diaphane capture SESSION";
+    let path = session.required(&frame_path(shot, exposure, 0), command)?;
+    let (frame, _) = read_frame(&path)?;
+    Ok(Photo {
+        width: frame.width as usize,
+        height: frame.height as usize,
+        channels: usize::from(frame.channels),
+        max_value: frame.max_value(),
+        data: frame.data,
+        name: shot.to_owned(),
+    })
+}
+
+/// All exposures of a reference shot.
+fn bracket(session: &Session, shot: &str) -> Result<Vec<(Photo, f64)>, Failure> {
+    let times = &session.config.plan.reference_bracket_s;
+    times.iter().enumerate().map(|(e, t)| Ok((frame_photo(session, shot, e)?, *t))).collect()
+}
+
+/// Merges the bracket of a shot, one frame at a time.
+pub(crate) fn merge_shot(
+    session: &Session,
+    shot: &str,
+    times: &[f64],
+    response: &Response,
+    noise: &NoiseModel,
+) -> Result<HdrImage, Failure> {
+    let frames = times.iter().enumerate().map(|(e, t)| Ok((frame_photo(session, shot, e)?, *t)));
+    merge::<Failure>(frames, response, noise)
+}
+
+/// light − dark, variances added.
+pub(crate) fn subtract(mut light: HdrImage, dark: &HdrImage) -> HdrImage {
+    for (l, d) in light.radiance.iter_mut().zip(&dark.radiance) {
+        *l -= d;
+    }
+    for (l, d) in light.variance.iter_mut().zip(&dark.variance) {
+        *l += d;
+    }
+    light
+}
+
+/// Looks for a board in every pose; a picture without one is a warning.
+fn found_boards(
+    session: &Session,
+    name: &str,
+    read: impl Fn(Photo) -> Result<View, CalibrationError>,
+) -> Result<Vec<View>, Failure> {
+    let mut out = Vec::new();
+    for pose in 0..session.config.plan.board_poses {
+        match read(frame_photo(session, &format!("{name}-{:02}", pose + 1), 0)?) {
+            Ok(view) => out.push(view),
+            Err(error @ CalibrationError::BoardNotFound { .. }) => eprintln!("warning: {error}"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(out)
+}
+
+/// What the projected board says in one pose of the plane under it.
+///
+/// Seen from behind, through the sheet, the projected board is mirrored: it is looked for in the
+/// mirrored picture.
+fn projected_view(
+    photo: &Photo,
+    camera: &CameraModel,
+    plane: Pose,
+    shown: &Chessboard,
+    mirrored: bool,
+) -> Result<ProjectorView, CalibrationError> {
+    let board = Board { columns: shown.columns, rows: shown.rows, square_mm: 1.0 };
+    let corners = if mirrored {
+        let edge = photo.width as f64 - 1.0;
+        find_board(&flipped(photo), &board)?.into_iter().map(|[x, y]| [edge - x, y]).collect()
+    } else {
+        find_board(photo, &board)?
+    };
+    let on_plane = FacePlane { device: *camera, pose: plane, z_mm: 0.0 };
+    let (mut board_points, mut projector_pixels) = (Vec::new(), Vec::new());
+    for (corner, lit_by) in corners.iter().zip(shown.corners_px()) {
+        if let Some([x, y]) = on_plane.pixel_to_face(*corner) {
+            board_points.push([x, y, 0.0]);
+            projector_pixels.push(lit_by);
+        }
+    }
+    Ok(ProjectorView { name: photo.name.clone(), board_pose: plane, board_points, projector_pixels })
+}
+
+fn flipped(photo: &Photo) -> Photo {
+    let mut out = photo.clone();
+    let row = photo.width * photo.channels;
+    for (to, from) in out.data.chunks_exact_mut(row).zip(photo.data.chunks_exact(row)) {
+        let pixels = from.chunks_exact(photo.channels).rev();
+        for (t, f) in to.chunks_exact_mut(photo.channels).zip(pixels) {
+            t.copy_from_slice(f);
+        }
+    }
+    out
+}
+
+/// Sample frame to camera frame, from the board that lay on the front face's plane, centred.
+fn face_pose(session: &Session, camera: &CameraModel, board: &Board) -> Result<(Pose, f64), Failure> {
+    let photo = frame_photo(session, "face-board-front", 0)?;
+    let [width, height, _] = session.config.sample.grid.size_mm();
+    let half = |n: usize| (n as f64 - 1.0) * board.square_mm / 2.0;
+    let (x0, y0) = (width / 2.0 - half(board.columns), height / 2.0 - half(board.rows));
+    let object_points =
+        board.object_points().into_iter().map(|[x, y, z]| [x + x0, y + y0, z]).collect();
+    let view = View { name: photo.name.clone(), image_points: find_board(&photo, board)?, object_points };
+    let pose = pose_from_points(camera, &view)?;
+    Ok((pose, reprojection_rms(camera, &pose, &view)))
+}
+
+fn frame_projector_size(session: &Session) -> Result<[usize; 2], Failure> {
+    match session.simulated()? {
+        Some(rig) => {
+            let info = rig.rig().projector.info();
+            Ok([info.width as usize, info.height as usize])
+        }
+        None => Err(Failure::input("this session has no projector")),
+    }
+}

@@ -1,0 +1,97 @@
+//! `diaphane capture`: takes the pictures that are missing.
+
+use crate::Failure;
+use crate::cli::STOP;
+use crate::commands::calibrate;
+use crate::output::{Done, Progress};
+use crate::session::Session;
+use rig::{Outcome, Plan, Rig, RunOptions, Step};
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Take the pictures that are missing: first those for the calibration, then, once that is
+/// solved, those of the sample
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane capture my-wax && diaphane calibrate all my-wax && diaphane capture my-wax")]
+pub(crate) struct Args {
+    /// Folder of the session
+    session: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let session = Session::open(&args.session)?;
+    let Some(simulated) = session.simulated()? else {
+        return Err(Failure::input(format!(
+            "{}: the pictures of this session were imported; there is nothing to capture",
+            session.folder().display()
+        )));
+    };
+    let mut rig = simulated.rig();
+    let calibration = calibration_pictures(&session, &mut rig)?;
+    let folder = session.folder().display().to_string();
+    if !calibrate::is_done(&session) {
+        let text = format!(
+            "calibration pictures: {} taken, {} were there\nnext: diaphane calibrate all {folder}, then capture again",
+            calibration.taken, calibration.kept
+        );
+        let json = json!({ "taken": calibration.taken, "kept": calibration.kept, "next": "calibrate" });
+        return Ok(Done::new(json, text));
+    }
+    let sample = sample_pictures(&session, &mut rig)?;
+    let text = format!(
+        "sample pictures: {} taken, {} were there\nnext: diaphane merge {folder}",
+        sample.taken, sample.kept
+    );
+    let json = json!({
+        "taken": calibration.taken + sample.taken,
+        "kept": calibration.kept + sample.kept,
+        "next": "merge",
+    });
+    Ok(Done::new(json, text))
+}
+
+/// Boards, chart and white sheet.
+pub(crate) fn calibration_pictures(session: &Session, rig: &mut Rig) -> Result<Outcome, Failure> {
+    shoot(session, rig, "calibration", &session.acquisition().calibration_plan(), false)
+}
+
+/// The sample under every pattern.
+pub(crate) fn sample_pictures(session: &Session, rig: &mut Rig) -> Result<Outcome, Failure> {
+    shoot(session, rig, "capture", &session.acquisition().capture_plan(), true)
+}
+
+fn shoot(
+    session: &Session,
+    rig: &mut Rig,
+    label: &str,
+    plan: &Plan,
+    on_face: bool,
+) -> Result<Outcome, Failure> {
+    let lit = if on_face { Some(calibrate::lit_plane(session)?) } else { None };
+    let [width, height, _] = session.config.sample.grid.size_mm();
+    let to_face = |pixel: [f64; 2]| {
+        let [x, y] = lit.as_ref()?.pixel_to_face(pixel)?;
+        Some([x / width, y / height])
+    };
+    let options = RunOptions {
+        stop: &STOP,
+        face_map: on_face.then_some(&to_face as _),
+        retry_wait: Duration::from_millis(200),
+    };
+    let frames = plan.summary(&rig.camera.info()).frames;
+    let mut progress = Progress::new(label, frames);
+    let outcome = rig::run(plan, rig, session.folder(), options, &mut |p| {
+        if let Step::Retried(why) = &p.step {
+            eprintln!("{}: {why}; trying again", p.shot);
+        }
+        progress.set(p.done, p.shot);
+    })?;
+    if outcome.missing > 0 {
+        let error = format!("interrupted: {} of {} frames are missing", outcome.missing, frames);
+        let hint = format!("go on with: diaphane capture {}", session.folder().display());
+        return Err(Failure::other(error).hint(hint));
+    }
+    progress.finish(&format!("{} frames taken, {} were there", outcome.taken, outcome.kept));
+    Ok(outcome)
+}

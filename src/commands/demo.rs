@@ -1,0 +1,72 @@
+//! `diaphane demo`: a material from nothing, on the simulated rig.
+
+use crate::Failure;
+use crate::commands::init::{SimulatedArgs, simulated_config};
+use crate::commands::{calibrate, capture, export, merge, solve, verify};
+use crate::output::Done;
+use crate::session::Session;
+use material::Overwrite;
+use material::mitsuba::Impossible;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Acquire a material on the simulated rig, from nothing to a report
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane demo --out demo --sample marble --seed 3")]
+pub(crate) struct Args {
+    /// Folder to work in; a demo that was interrupted goes on where it was
+    #[arg(long)]
+    out: PathBuf,
+    #[command(flatten)]
+    rig: SimulatedArgs,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let started = Instant::now();
+    let config = simulated_config(&args.rig)?;
+    let session = if args.out.join("session.toml").exists() {
+        let session = Session::open(&args.out)?;
+        if session.config != config {
+            let error = format!("{}: holds another session", args.out.display());
+            return Err(Failure::input(error).hint("give another folder with --out"));
+        }
+        session
+    } else {
+        Session::create(&args.out, config, Overwrite::Refuse)?
+    };
+    let missing = |file: &str| !session.path(file).exists();
+    let Some(simulated) = session.simulated()? else {
+        return Err(Failure::other("the demo needs the simulated rig"));
+    };
+    let mut rig = simulated.rig();
+    capture::calibration_pictures(&session, &mut rig)?;
+    if !calibrate::is_done(&session) {
+        calibrate::solve(&session, Overwrite::Refuse)?;
+    }
+    capture::sample_pictures(&session, &mut rig)?;
+    drop((rig, simulated));
+    if missing(crate::measurement::ARRAYS) {
+        merge::measure(&session, Overwrite::Refuse)?;
+    }
+    if missing(solve::MATERIAL) {
+        solve::solve(&session, &solve::Options::preset(), Overwrite::Refuse)?;
+    }
+    let checked = if missing(verify::RESULT) {
+        verify::verify(&session, Overwrite::Refuse)?
+    } else {
+        session.read_json(verify::RESULT, "diaphane verify SESSION")?
+    };
+    export::export(&session, Impossible::Clamp, Overwrite::Replace)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let summary = json!({
+        "fit": checked.fit,
+        "bssrdf_error": checked.bssrdf_error,
+        "heldout_rel_rms": checked.heldout_rel_rms,
+        "seconds_total": seconds,
+        "material": session.path(solve::MATERIAL),
+    });
+    session.write_json("summary.json", &summary, Overwrite::Replace)?;
+    let text = format!("{summary:#}");
+    Ok(Done::new(summary, text))
+}

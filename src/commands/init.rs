@@ -1,0 +1,106 @@
+//! `diaphane init`: a session on the simulated rig.
+
+use crate::Failure;
+use crate::output::Done;
+use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
+use calibration::{Board, NoiseModel};
+use clap::ValueEnum;
+use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite};
+use serde_json::json;
+use simulator::{SampleKind, SampleSpec, SimulatedRig};
+use std::path::PathBuf;
+
+/// Make a session on the simulated rig
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane init my-wax --sample wax --seed 1")]
+pub(crate) struct Args {
+    /// Folder of the session
+    session: PathBuf,
+    #[command(flatten)]
+    rig: SimulatedArgs,
+    /// Replace a session.toml that is there
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(clap::Args)]
+pub(crate) struct SimulatedArgs {
+    /// What the simulated sample is made of
+    #[arg(long, value_enum, default_value = "wax")]
+    pub sample: SampleName,
+    /// Every seed is another block
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// The face that the projector lights
+    #[arg(long, value_enum, default_value = "back")]
+    pub lit: LitFace,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum SampleName {
+    Wax,
+    Marble,
+    Stone,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum LitFace {
+    Back,
+    Front,
+}
+
+/// The configuration of a simulated rig, as a technician would have entered it.
+pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> {
+    let kind = match args.sample {
+        SampleName::Wax => SampleKind::Wax,
+        SampleName::Marble => SampleKind::Marble,
+        SampleName::Stone => SampleKind::Stone,
+    };
+    let lit_face = match args.lit {
+        LitFace::Back => Face::Back,
+        LitFace::Front => Face::Front,
+    };
+    let spec = SampleSpec { kind, seed: args.seed };
+    let rig = SimulatedRig::new(&spec, lit_face)?;
+    let sensor = rig.sensor();
+    let (columns, rows, square_mm) = rig.board();
+    let name = format!("{:?}", kind).to_lowercase();
+    Ok(Config {
+        version: 1,
+        sample: Sample {
+            name: format!("{name}-{}", args.seed),
+            grid: spec.solved_grid(),
+            lit_face,
+            eta: spec.eta(),
+            boundary_constant: None,
+            boundary: BoundaryConvention::default(),
+            lateral: LateralBoundary::default(),
+            illumination: Illumination::default(),
+        },
+        rig: RigConfig::Simulated {
+            sample: spec,
+            board: Board { columns, rows, square_mm },
+            noise: NoiseModel {
+                black_level: sensor.black_code(),
+                read_noise: sensor.read_noise_code(),
+                gain: sensor.gain(),
+                full_scale: sensor.full_scale(),
+                saturation: 0.995 * sensor.full_scale(),
+            },
+        },
+        plan: PlanConfig::default(),
+    })
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    let session = Session::create(&args.session, simulated_config(&args.rig)?, overwrite)?;
+    let folder = session.folder().display();
+    let [nx, ny, nz] = session.config.sample.grid.cells();
+    let [w, h, d] = session.config.sample.grid.size_mm();
+    let text = format!(
+        "{folder}: {} of {w:.1} × {h:.1} × {d:.1} mm on {nx} × {ny} × {nz} cells\nnext: diaphane capture {folder}",
+        session.config.sample.name
+    );
+    Ok(Done::new(json!({ "session": session.folder() }), text))
+}

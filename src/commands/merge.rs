@@ -1,0 +1,166 @@
+//! `diaphane merge`: brackets to radiance, and radiance onto the sample's grid.
+
+use crate::Failure;
+use crate::cli::STOP;
+use crate::commands::calibrate::{self, merge_shot, subtract};
+use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
+use crate::output::{Done, Progress};
+use crate::session::{RigConfig, Session};
+use calibration::{
+    ExposureTable, NoiseModel, Photo, exif_exposure_s, list_pictures, recover_response, rectify,
+    write_exr,
+};
+use material::Overwrite;
+use rig::Purpose;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// Merge brackets to radiance: those of a session, or any folder of photographs
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  diaphane merge my-wax\n  diaphane merge --images photos --output photos.exr"
+)]
+pub(crate) struct Args {
+    /// Folder of the session
+    #[arg(required_unless_present = "images", conflicts_with = "images")]
+    session: Option<PathBuf>,
+    /// A folder of photographs of one still scene
+    #[arg(long)]
+    images: Option<PathBuf>,
+    /// Exposure times, where EXIF does not tell: lines of "file-name seconds"
+    #[arg(long, requires = "images")]
+    exposures: Option<PathBuf>,
+    /// The EXR to write
+    #[arg(long, requires = "images")]
+    output: Option<PathBuf>,
+    /// Replace results that are there
+    #[arg(long)]
+    force: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    match (&args.session, &args.images) {
+        (Some(session), _) => {
+            let session = Session::open(session)?;
+            let measured = measure(&session, overwrite)?;
+            let text = format!(
+                "{} patterns on {} × {} cells: {}\nnext: diaphane solve {}",
+                measured.patterns.len(),
+                measured.cells[0],
+                measured.cells[1],
+                session.path(ARRAYS).display(),
+                session.folder().display()
+            );
+            let json = json!({ "output": session.path(ARRAYS), "patterns": measured.patterns.len() });
+            Ok(Done::new(json, text))
+        }
+        (None, Some(images)) => folder(images, args, overwrite),
+        (None, None) => Err(Failure::input("neither a session nor --images was given")),
+    }
+}
+
+/// Merges every shot of the sample and lays it onto the grid.
+pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measured, Failure> {
+    session.refuse_existing(ARRAYS, overwrite)?;
+    let RigConfig::Simulated { noise, .. } = &session.config.rig else {
+        return Err(Failure::input("the pictures of this session were imported, and measured then"));
+    };
+    let found = calibrate::load(session)?;
+    let plan = session.acquisition().capture_plan();
+    let grid = &session.config.sample.grid;
+    let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
+    let times = &session.config.plan.bracket_s;
+    let merged = |shot: &str| merge_shot(session, shot, times, &found.response, noise);
+    let black = merged("black")?;
+    let shots: Vec<_> = plan
+        .shots
+        .iter()
+        .filter(|s| matches!(s.purpose, Purpose::Fit | Purpose::HeldOut))
+        .collect();
+    let mut progress = Progress::new("merge", shots.len());
+    let mut patterns = Vec::new();
+    for (done, shot) in shots.iter().enumerate() {
+        if STOP.load(Ordering::Relaxed) {
+            return Err(Failure::other("interrupted").hint("run the same command again"));
+        }
+        progress.set(done, &shot.name);
+        let light = subtract(merged(&shot.name)?, &black);
+        let exr = session.result(&format!("measurement/hdr/{}.exr", shot.name))?;
+        // Pictures are there to be looked at; the arrays are what counts as the finished result.
+        write_exr(&exr, &light, Overwrite::Replace)?;
+        let map = rectify(&light, &found.front, [nx, ny], [hx, hy])?;
+        let face = nx * ny;
+        let coverage = shot.pattern.coverage(nx, ny).ok_or_else(|| {
+            Failure::input(format!("shot {:?}: its pattern does not lie on the face", shot.name))
+        })?;
+        let irradiance: Vec<f64> =
+            coverage.iter().zip(&found.irradiance).map(|(c, e)| f64::from(*c) * e).collect();
+        let channel = |values: &[f32], c: usize, power: i32| -> Vec<f64> {
+            let unit = (std::f64::consts::PI * found.white[c]).powi(power);
+            values[c * face..(c + 1) * face].iter().map(|v| f64::from(*v) / unit).collect()
+        };
+        let radiance = (0..3).map(|c| channel(&map.radiance, c, 1)).collect();
+        let mut variance: Vec<Vec<f64>> = (0..3).map(|c| channel(&map.variance, c, 2)).collect();
+        mask_lit(session.config.sample.lit_face, [nx, ny], &irradiance, &mut variance);
+        patterns.push(MeasuredPattern {
+            name: shot.name.clone(),
+            held_out: shot.purpose == Purpose::HeldOut,
+            irradiance,
+            radiance,
+            variance,
+        });
+    }
+    let channels = CHANNELS.map(str::to_owned).to_vec();
+    let measured = Measured { patterns, cells: [nx, ny], channels };
+    measured.save(session, overwrite)?;
+    progress.finish(&format!("{} patterns", measured.patterns.len()));
+    Ok(measured)
+}
+
+/// Any folder of bracketed photographs.
+fn folder(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Done, Failure> {
+    let pictures = list_pictures(images)?;
+    let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
+    let mut bracket = Vec::new();
+    for path in &pictures {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let seconds = match &table {
+            Some(table) => table.get(&name).ok_or_else(|| {
+                Failure::input(format!("{name}: not in the table of exposure times"))
+                    .hint(format!("add a line \"{name} SECONDS\""))
+            })?,
+            None => exif_exposure_s(path).map_err(|e| {
+                Failure::input(e)
+                    .hint("give a table of lines \"file-name seconds\" with --exposures")
+            })?,
+        };
+        bracket.push((Photo::load(path)?, seconds));
+    }
+    let response = recover_response(&bracket)?;
+    let max_value = bracket.first().map_or(u16::MAX, |(photo, _)| photo.max_value);
+    let noise = NoiseModel::for_max_value(max_value);
+    let frames = bracket.into_iter().map(Ok);
+    let image = calibration::merge::<Failure>(frames, &response, &noise)?;
+    let output = args.output.clone().unwrap_or_else(|| images.with_extension("exr"));
+    write_exr(&output, &image, overwrite)?;
+    let increasing = response.is_strictly_increasing();
+    let text = format!(
+        "{} pictures merged into {}: {:.2} % of the values measured, {} pixels clipped even in the shortest, {} lost in noise even in the longest",
+        pictures.len(),
+        output.display(),
+        100.0 * image.measured_share(),
+        image.clipped_shortest,
+        image.lost_longest
+    );
+    let json = json!({
+        "output": output,
+        "finite_share": image.finite_share(),
+        "measured_share": image.measured_share(),
+        "response_strictly_increasing": increasing,
+        "clipped_shortest": image.clipped_shortest,
+        "lost_longest": image.lost_longest,
+    });
+    Ok(Done::new(json, text))
+}

@@ -1,0 +1,11 @@
+//! The commands, one file each.
+
+pub(crate) mod calibrate;
+pub(crate) mod capture;
+pub(crate) mod demo;
+pub(crate) mod export;
+pub(crate) mod init;
+pub(crate) mod merge;
+pub(crate) mod plan;
+pub(crate) mod solve;
+pub(crate) mod verify;

@@ -1,0 +1,71 @@
+//! `diaphane plan`: what a capture takes.
+
+use crate::Failure;
+use crate::output::Done;
+use crate::session::Session;
+use rig::{CameraInfo, Plan};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Show what a capture takes, without touching hardware
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane plan my-wax")]
+pub(crate) struct Args {
+    /// Folder of the session
+    session: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let session = Session::open(&args.session)?;
+    let acquisition = session.acquisition();
+    let camera = match session.simulated()? {
+        Some(simulated) => simulated.rig().camera.info(),
+        None => {
+            return Err(Failure::input(format!(
+                "{}: the pictures of this session were imported; there is nothing to capture",
+                session.folder().display()
+            )));
+        }
+    };
+    let mut text = String::new();
+    let mut parts = Vec::new();
+    for (name, plan) in
+        [("calibration", acquisition.calibration_plan()), ("sample", acquisition.capture_plan())]
+    {
+        plan.check()?;
+        text += &describe(name, &plan, &camera);
+        let summary = plan.summary(&camera);
+        let warnings: Vec<String> = plan.warnings().iter().map(ToString::to_string).collect();
+        parts.push(json!({
+            "part": name,
+            "shots": summary.shots,
+            "frames": summary.frames,
+            "placements": summary.placements,
+            "estimated_s": summary.estimated_s,
+            "bytes": summary.bytes,
+            "warnings": warnings,
+        }));
+    }
+    Ok(Done::new(json!({ "parts": parts }), text.trim_end()))
+}
+
+fn describe(name: &str, plan: &Plan, camera: &CameraInfo) -> String {
+    let s = plan.summary(camera);
+    let mut out = format!(
+        "{name}: {} frames of {} shots, {} placements, about {:.0} min and {:.1} GB on {}\n",
+        s.frames,
+        s.shots,
+        s.placements,
+        (s.estimated_s / 60.0).ceil(),
+        s.bytes as f64 / 1e9,
+        camera.name
+    );
+    for shot in &plan.shots {
+        let exposures: Vec<String> = shot.exposures_s.iter().map(|t| format!("{t:.3}")).collect();
+        out += &format!("  {:16} {} s, {}\n", shot.name, exposures.join(" "), shot.target);
+    }
+    for warning in plan.warnings() {
+        out += &format!("  warning: {warning}\n");
+    }
+    out
+}

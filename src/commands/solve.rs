@@ -1,0 +1,260 @@
+//! `diaphane solve`: κ and μ of every voxel.
+
+use crate::Failure;
+use crate::cli::STOP;
+use crate::measurement::{ARRAYS, Measured};
+use crate::output::{Done, Progress};
+use crate::session::Session;
+use clap::ValueEnum;
+use diffusion::{
+    CpuSolver, Illuminations, Inverse, InverseError, InverseSettings, Lambda, Measurement, Method,
+    Stage, invert,
+};
+use material::{Channel, Input, Material, Overwrite, Provenance};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Instant, SystemTime};
+
+pub(crate) const MATERIAL: &str = "material/material.diaphane";
+pub(crate) const CONVERGENCE: &str = "material/convergence.json";
+
+/// Find κ and μ of every voxel
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  diaphane solve my-wax\n  diaphane solve my-wax --method paper --lambda 1e-5")]
+pub(crate) struct Args {
+    /// Folder of the session
+    session: PathBuf,
+    #[command(flatten)]
+    options: Options,
+    /// Replace a material that is there
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(clap::Args, Clone)]
+pub(crate) struct Options {
+    /// How the coefficients are looked for
+    #[arg(long, value_enum, default_value = "lbfgs")]
+    method: MethodName,
+    /// Strength of the smoothness term relative to the energy of the images; from the noise if
+    /// not given
+    #[arg(long)]
+    lambda: Option<f64>,
+    /// Fit a gain for each channel beside κ and μ
+    #[arg(long)]
+    free_gain: bool,
+    /// Most gradient evaluations for each channel
+    #[arg(long, default_value_t = 400)]
+    max_evaluations: usize,
+}
+
+impl Options {
+    /// What the command line has without options.
+    pub fn preset() -> Self {
+        Self { method: MethodName::Lbfgs, lambda: None, free_gain: false, max_evaluations: 400 }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum MethodName {
+    /// L-BFGS on the logarithms
+    Lbfgs,
+    /// Wang et al. 2008, Table I
+    Paper,
+}
+
+/// How the solve of one channel went.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct ChannelConvergence {
+    pub channel: String,
+    pub fit: f64,
+    pub chi2: f64,
+    pub lambda: f64,
+    pub gain: f64,
+    pub gradient_evaluations: usize,
+    pub linear_solves: usize,
+    pub homogeneous_kappa_mm: f64,
+    pub homogeneous_mu_per_mm: f64,
+    /// Fit after each gradient evaluation.
+    pub history: Vec<f64>,
+}
+
+/// How a solve went.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Convergence {
+    pub seconds: f64,
+    pub fit: f64,
+    pub channels: Vec<ChannelConvergence>,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let session = Session::open(&args.session)?;
+    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    let result = solve(&session, &args.options, overwrite)?;
+    let mut text = String::new();
+    for c in &result.channels {
+        text += &format!(
+            "{}: fit {:.2e}, λ {:.1e}, {} gradients, {} linear solves\n",
+            c.channel, c.fit, c.lambda, c.gradient_evaluations, c.linear_solves
+        );
+    }
+    let sum = |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
+    text += &format!(
+        "fit {:.2e} in {:.1} s: {}\nnext: diaphane verify {}",
+        result.fit,
+        result.seconds,
+        session.path(MATERIAL).display(),
+        session.folder().display()
+    );
+    let lambda: Vec<f64> = result.channels.iter().map(|c| c.lambda).collect();
+    let json = json!({
+        "fit": result.fit,
+        "gradient_evaluations": sum(|c| c.gradient_evaluations),
+        "linear_solves": sum(|c| c.linear_solves),
+        "seconds": result.seconds,
+        "lambda": lambda,
+        "material": session.path(MATERIAL),
+        "channels": result.channels,
+    });
+    Ok(Done::new(json, text))
+}
+
+/// Solves all channels and writes the material.
+pub(crate) fn solve(
+    session: &Session,
+    options: &Options,
+    overwrite: Overwrite,
+) -> Result<Convergence, Failure> {
+    session.refuse_existing(MATERIAL, overwrite)?;
+    let started = Instant::now();
+    let measured = Measured::load(session)?;
+    let fitted = measured.select(false);
+    let sample = &session.config.sample;
+    let grid = sample.grid;
+    let optics = sample.optics()?;
+    let settings = settings(options)?;
+    let maps = fitted.iter().map(|p| p.irradiance.clone()).collect();
+    let light = Illuminations::new(&grid, sample.lit_face, maps)?;
+
+    let mut solver = CpuSolver::<f32>::new();
+    let (mut channels, mut reports) = (Vec::new(), Vec::new());
+    let (mut misfit, mut energy) = (0.0, 0.0);
+    for (c, name) in measured.channels.iter().enumerate() {
+        let radiance: Vec<Vec<f64>> = fitted.iter().map(|p| p.radiance[c].clone()).collect();
+        let variance: Vec<Vec<f64>> = fitted.iter().map(|p| p.variance[c].clone()).collect();
+        let measurement = Measurement::new(&grid, light.clone(), radiance, &variance)
+            .map_err(|e| Failure::input(format!("{}, channel {name}: {e}", session.path(ARRAYS).display())))?;
+        let mut progress = Progress::new(&format!("solve {name}"), 0);
+        let mut observe = |p: &diffusion::Progress| {
+            let stage = match p.stage {
+                Stage::Homogeneous => "homogeneous start",
+                Stage::Volume => "volume",
+            };
+            let message = format!(
+                "{stage}: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} gradients, {} solves",
+                p.fit, p.chi2, p.lambda, p.gradient_evaluations, p.linear_solves
+            );
+            progress.set(p.gradient_evaluations, &message);
+            !STOP.load(Ordering::Relaxed)
+        };
+        let found = invert(&grid, &optics, &measurement, &settings, &mut solver, &mut observe)
+            .map_err(|e| match e {
+                InverseError::Interrupted => {
+                    Failure::other("interrupted").hint("run the same command again")
+                }
+                other => other.into(),
+            })?;
+        progress.finish(&format!("fit {:.2e}, λ {:.1e}", found.fit, found.lambda));
+        misfit += found.fit * measurement.energy();
+        energy += measurement.energy();
+        reports.push(convergence(name, &found));
+        let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect();
+        channels.push(Channel {
+            name: name.clone(),
+            kappa_mm: narrow(&found.kappa_mm),
+            mu_per_mm: narrow(&found.mu_per_mm),
+            gain: found.gain,
+        });
+    }
+    let material =
+        Material::new(grid, channels, optics, sample.lit_face, provenance(session, &settings)?)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let result = Convergence { seconds, fit: misfit / energy, channels: reports };
+    session.write_json(CONVERGENCE, &result, Overwrite::Replace)?;
+    // The material last: once it is there the solve is done.
+    material.save(&session.result(MATERIAL)?, overwrite)?;
+    Ok(result)
+}
+
+fn settings(options: &Options) -> Result<InverseSettings, Failure> {
+    let lambda = match options.lambda {
+        None => Lambda::Discrepancy,
+        Some(l) if l.is_finite() && l >= 0.0 => Lambda::Fixed(l),
+        Some(l) => {
+            return Err(Failure::input(format!("--lambda: expected a number ≥ 0, found {l}")));
+        }
+    };
+    if options.max_evaluations == 0 {
+        return Err(Failure::input("--max-evaluations: expected at least 1, found 0"));
+    }
+    Ok(InverseSettings {
+        method: match options.method {
+            MethodName::Lbfgs => Method::Lbfgs,
+            MethodName::Paper => Method::Paper,
+        },
+        lambda,
+        free_gain: options.free_gain,
+        max_evaluations: options.max_evaluations,
+        ..InverseSettings::default()
+    })
+}
+
+fn convergence(name: &str, found: &Inverse) -> ChannelConvergence {
+    ChannelConvergence {
+        channel: name.to_owned(),
+        fit: found.fit,
+        chi2: found.chi2,
+        lambda: found.lambda,
+        gain: found.gain,
+        gradient_evaluations: found.gradient_evaluations,
+        linear_solves: found.linear_solves,
+        homogeneous_kappa_mm: found.homogeneous.0,
+        homogeneous_mu_per_mm: found.homogeneous.1,
+        history: found.history.clone(),
+    }
+}
+
+fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenance, Failure> {
+    let mut inputs = Vec::new();
+    for name in ["session.toml", ARRAYS] {
+        inputs.push(Input::from_file(name, &session.path(name))?);
+    }
+    let calibration = "calibration/calibration.json";
+    if session.path(calibration).is_file() {
+        inputs.push(Input::from_file(calibration, &session.path(calibration))?);
+    }
+    let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let seed = match &session.config.rig {
+        crate::session::RigConfig::Simulated { sample, .. } => Some(sample.seed),
+        crate::session::RigConfig::Imported => None,
+    };
+    let settings = BTreeMap::from([
+        ("method".to_owned(), format!("{:?}", settings.method)),
+        ("lambda".to_owned(), format!("{:?}", settings.lambda)),
+        ("free_gain".to_owned(), settings.free_gain.to_string()),
+        ("model_error".to_owned(), settings.model_error.to_string()),
+        ("max_evaluations".to_owned(), settings.max_evaluations.to_string()),
+        ("tolerance".to_owned(), settings.tolerance.to_string()),
+    ]);
+    Ok(Provenance {
+        software: "diaphane".into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        created_unix_s: created.map_or(0, |d| d.as_secs()),
+        seed,
+        inputs,
+        settings,
+    })
+}

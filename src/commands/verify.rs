@@ -1,0 +1,146 @@
+//! `diaphane verify`: does the material look like the sample, also under light that it was not
+//! fitted to?
+
+use crate::Failure;
+use crate::cli::STOP;
+use crate::commands::solve::MATERIAL;
+use crate::measurement::Measured;
+use crate::output::{Done, Progress};
+use crate::session::Session;
+use diffusion::{CpuSolver, Medium, bssrdf_error};
+use material::{Material, Overwrite};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+pub(crate) const RESULT: &str = "material/verification.json";
+
+/// Relative residual of the solves behind the BSSRDF error: its square is far below any E.
+const TOLERANCE: f64 = 1e-5;
+
+/// Relight the material under every captured pattern, and under those kept out of the fit
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane verify my-wax")]
+pub(crate) struct Args {
+    /// Folder of the session
+    session: PathBuf,
+    /// Replace a verification that is there
+    #[arg(long)]
+    force: bool,
+}
+
+/// Errors of the relit images.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Verification {
+    /// Σ (L − L_meas)² / Σ L_meas² over the fitted patterns (design: fit f).
+    pub fit: f64,
+    /// Relative RMS over the patterns that were held out: √ of the same; None without such patterns.
+    pub heldout_rel_rms: Option<f64>,
+    /// E of W08 figure 11 against the simulator's truth, mean of the channels; None without one.
+    pub bssrdf_error: Option<f64>,
+    pub bssrdf_error_by_channel: Vec<f64>,
+    pub patterns: Vec<PatternError>,
+}
+
+/// Error of one relit image.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct PatternError {
+    pub name: String,
+    pub held_out: bool,
+    /// Relative RMS over all channels.
+    pub rel_rms: f64,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let session = Session::open(&args.session)?;
+    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    let result = verify(&session, overwrite)?;
+    let mut text = String::new();
+    for p in &result.patterns {
+        let kept = if p.held_out { " (held out)" } else { "" };
+        text += &format!("{:18} {:6.2} %{kept}\n", p.name, 100.0 * p.rel_rms);
+    }
+    text += &format!("fit {:.2e}", result.fit);
+    if let Some(e) = result.heldout_rel_rms {
+        text += &format!(", held-out patterns {:.2} % relative RMS", 100.0 * e);
+    }
+    if let Some(e) = result.bssrdf_error {
+        text += &format!(", BSSRDF error E {e:.2e}");
+    }
+    text += &format!("\nnext: diaphane report {}", session.folder().display());
+    Ok(Done::new(json!(result), text))
+}
+
+/// The material of a session.
+pub(crate) fn load_material(session: &Session) -> Result<Material, Failure> {
+    Ok(Material::load(&session.required(MATERIAL, "diaphane solve SESSION")?)?)
+}
+
+/// Relights and compares, and writes the result.
+pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verification, Failure> {
+    session.refuse_existing(RESULT, overwrite)?;
+    let measured = Measured::load(session)?;
+    let material = load_material(session)?;
+    let maps: Vec<Vec<f64>> = measured.patterns.iter().map(|p| p.irradiance.clone()).collect();
+    let relit = renderer::relight(&material, &maps)?;
+
+    let mut patterns = Vec::new();
+    // (squared error, squared radiance) of fitted and held-out patterns.
+    let mut sums = [(0.0, 0.0); 2];
+    for (m, pattern) in measured.patterns.iter().enumerate() {
+        let (mut error, mut energy) = (0.0, 0.0);
+        for (c, images) in relit.iter().enumerate() {
+            let pixels = pattern.radiance[c].iter().zip(&pattern.variance[c]).zip(&images[m]);
+            for ((l, _), r) in pixels.filter(|((_, v), _)| v.is_finite()) {
+                error += (r - l) * (r - l);
+                energy += l * l;
+            }
+        }
+        let sum = &mut sums[usize::from(pattern.held_out)];
+        *sum = (sum.0 + error, sum.1 + energy);
+        let rel_rms = if energy > 0.0 { (error / energy).sqrt() } else { 0.0 };
+        patterns.push(PatternError { name: pattern.name.clone(), held_out: pattern.held_out, rel_rms });
+    }
+    let [(error, energy), (held_error, held_energy)] = sums;
+    let by_channel = against_truth(session, &material)?;
+    let result = Verification {
+        fit: error / energy,
+        heldout_rel_rms: (held_energy > 0.0).then(|| (held_error / held_energy).sqrt()),
+        bssrdf_error: (!by_channel.is_empty())
+            .then(|| by_channel.iter().sum::<f64>() / by_channel.len() as f64),
+        bssrdf_error_by_channel: by_channel,
+        patterns,
+    };
+    session.write_json(RESULT, &result, overwrite)?;
+    Ok(result)
+}
+
+/// E of every channel where the sample is simulated; nothing where nobody knows the truth.
+fn against_truth(session: &Session, material: &Material) -> Result<Vec<f64>, Failure> {
+    let Some(simulated) = session.simulated()? else { return Ok(Vec::new()) };
+    let truth = simulated.truth();
+    let mut out = Vec::new();
+    let mut solver = CpuSolver::<f32>::new();
+    let all = material.channels().len();
+    let mut progress = Progress::new("BSSRDF error", 100 * all);
+    for (c, (channel, medium)) in material.channels().iter().zip(&truth.media).enumerate() {
+        let wide = |v: &[f32]| v.iter().map(|&x| f64::from(x)).collect();
+        let acquired =
+            Medium::new(*material.grid(), wide(&channel.kappa_mm), wide(&channel.mu_per_mm))?;
+        let error = bssrdf_error(
+            (&acquired, material.optics()),
+            (medium, &truth.optics),
+            material.lit_face(),
+            &mut solver,
+            TOLERANCE,
+            |done, all| {
+                progress.set(100 * c + 100 * done / all, &channel.name);
+                !STOP.load(Ordering::Relaxed)
+            },
+        )?;
+        out.push(error);
+    }
+    progress.finish(&out.iter().map(|e| format!("{e:.2e}")).collect::<Vec<_>>().join(" "));
+    Ok(out)
+}

@@ -1,0 +1,100 @@
+//! What went wrong, in words, and the way out of it.
+
+use serde_json::json;
+
+/// A command that did not do what it was asked to.
+#[derive(Debug)]
+pub struct Failure {
+    /// What was expected, what was found and where.
+    pub error: String,
+    /// What to do about it.
+    pub hint: Option<String>,
+    /// 2: wrong usage or input; 1: anything else.
+    pub code: u8,
+}
+
+impl Failure {
+    /// Wrong usage or input: exit code 2.
+    pub fn input(error: impl ToString) -> Self {
+        Self { error: error.to_string(), hint: None, code: 2 }
+    }
+
+    /// Something else: exit code 1.
+    pub fn other(error: impl ToString) -> Self {
+        Self { error: error.to_string(), hint: None, code: 1 }
+    }
+
+    /// The same failure with a way out.
+    pub fn hint(self, hint: impl Into<String>) -> Self {
+        Self { hint: Some(hint.into()), ..self }
+    }
+
+    /// A result of an earlier step that is not there yet.
+    pub fn missing(what: &str, command: &str) -> Self {
+        Self::input(format!("{what} is not there yet")).hint(format!("make it with: {command}"))
+    }
+
+    pub(crate) fn json(&self) -> serde_json::Value {
+        json!({ "error": self.error, "hint": self.hint })
+    }
+}
+
+impl From<material::FileError> for Failure {
+    fn from(error: material::FileError) -> Self {
+        let failure = Self::input(&error);
+        match error {
+            material::FileError::Exists { .. } => failure.hint("add --force to replace it"),
+            _ => failure,
+        }
+    }
+}
+
+macro_rules! from_input {
+    ($($error:ty),* $(,)?) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::input(error)
+            }
+        })*
+    };
+}
+// What these report is always in what was given: a file, a picture, a setting.
+from_input!(
+    calibration::CalibrationError,
+    diffusion::IlluminationError,
+    diffusion::MeasurementError,
+    diffusion::MediumError,
+    material::GridError,
+    material::MaterialError,
+    rig::FrameError,
+    rig::JournalError,
+    rig::PlanError,
+);
+
+macro_rules! from_other {
+    ($($error:ty),* $(,)?) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Self {
+                Self::other(error)
+            }
+        })*
+    };
+}
+from_other!(
+    diffusion::BssrdfError,
+    diffusion::InverseError,
+    diffusion::SolveError,
+    renderer::RelightError,
+    rig::DeviceError,
+);
+
+impl From<rig::RunError> for Failure {
+    fn from(error: rig::RunError) -> Self {
+        match error {
+            rig::RunError::Device { .. } => {
+                Self::other(error).hint("mend the device and run the same command again: nothing is lost")
+            }
+            error => Self::input(error),
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! What the solver works from: radiance and irradiance on the sample's grid, one map a pattern.
+
+use crate::session::Session;
+use crate::Failure;
+use material::{Face, Overwrite, npz};
+use rig::Purpose;
+use serde::{Deserialize, Serialize};
+
+/// Where it is kept in a session.
+pub(crate) const ARRAYS: &str = "measurement/measurement.npz";
+const INDEX: &str = "measurement/measurement.json";
+
+/// Names of the channels, in order.
+pub(crate) const CHANNELS: [&str; 3] = ["R", "G", "B"];
+
+/// Radiance and irradiance of every pattern, on the grid of the session.
+///
+/// Radiance in the unit of design section 2: a white Lambertian plane under projector white has
+/// 1/π. Maps hold nx × ny values, x fastest, in the sample frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Measured {
+    pub patterns: Vec<MeasuredPattern>,
+    /// Cells of the front face.
+    pub cells: [usize; 2],
+    pub channels: Vec<String>,
+}
+
+/// One pattern.
+#[derive(Clone, Debug)]
+pub(crate) struct MeasuredPattern {
+    pub name: String,
+    pub held_out: bool,
+    /// On the lit face; 1 is projector white on average over the face.
+    pub irradiance: Vec<f64>,
+    /// `[channel][cell]` on the front face.
+    pub radiance: Vec<Vec<f64>>,
+    /// Infinite where masked.
+    pub variance: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Index {
+    cells: [usize; 2],
+    channels: Vec<String>,
+    patterns: Vec<IndexEntry>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct IndexEntry {
+    name: String,
+    purpose: Purpose,
+}
+
+impl Measured {
+    pub fn save(&self, session: &Session, overwrite: Overwrite) -> Result<(), Failure> {
+        let [nx, ny] = self.cells;
+        let (m, c) = (self.patterns.len(), self.channels.len());
+        let flat = |pick: &dyn Fn(&MeasuredPattern) -> Vec<f32>| -> Vec<f32> {
+            self.patterns.iter().flat_map(pick).collect()
+        };
+        let narrow = |maps: &[Vec<f64>]| -> Vec<f32> {
+            maps.iter().flatten().map(|v| *v as f32).collect()
+        };
+        let radiance = flat(&|p| narrow(&p.radiance));
+        let variance = flat(&|p| narrow(&p.variance));
+        let irradiance = flat(&|p| p.irradiance.iter().map(|v| *v as f32).collect());
+        npz::write(&session.result(ARRAYS)?, overwrite, |npz| {
+            npz.array_f32("radiance", &[m, c, ny, nx], &radiance)?;
+            npz.array_f32("variance", &[m, c, ny, nx], &variance)?;
+            npz.array_f32("irradiance", &[m, ny, nx], &irradiance)
+        })?;
+        let entry = |p: &MeasuredPattern| IndexEntry {
+            name: p.name.clone(),
+            purpose: if p.held_out { Purpose::HeldOut } else { Purpose::Fit },
+        };
+        let patterns = self.patterns.iter().map(entry).collect();
+        let index = Index { cells: self.cells, channels: self.channels.clone(), patterns };
+        session.write_json(INDEX, &index, overwrite).map(|_| ())
+    }
+
+    pub fn load(session: &Session) -> Result<Self, Failure> {
+        let make = match session.config.rig {
+            crate::session::RigConfig::Imported => "diaphane import SESSION --images DIR --manifest m.toml",
+            _ => "diaphane merge SESSION",
+        };
+        let arrays = session.required(ARRAYS, make)?;
+        let index: Index = session.read_json(INDEX, make)?;
+        let [nx, ny] = index.cells;
+        let (m, c) = (index.patterns.len(), index.channels.len());
+        let grid = session.config.sample.grid;
+        if grid.cells()[..2] != index.cells {
+            let error = format!(
+                "{}: holds maps of {nx} × {ny} cells, session.toml has a grid of {:?}",
+                arrays.display(),
+                grid.cells()
+            );
+            return Err(Failure::input(error).hint("measure again: diaphane merge SESSION --force"));
+        }
+        let mut npz = npz::NpzReader::open(&arrays)?;
+        let radiance = npz.shaped("radiance", &[m, c, ny, nx])?;
+        let variance = npz.shaped("variance", &[m, c, ny, nx])?;
+        let irradiance = npz.shaped("irradiance", &[m, ny, nx])?;
+        let face = nx * ny;
+        let maps = |values: &[f64], pattern: usize| -> Vec<Vec<f64>> {
+            (0..c).map(|k| values[(pattern * c + k) * face..][..face].to_vec()).collect()
+        };
+        let pattern = |(i, entry): (usize, IndexEntry)| MeasuredPattern {
+            name: entry.name,
+            held_out: entry.purpose == Purpose::HeldOut,
+            irradiance: irradiance[i * face..][..face].to_vec(),
+            radiance: maps(&radiance, i),
+            variance: maps(&variance, i),
+        };
+        let patterns = index.patterns.into_iter().enumerate().map(pattern).collect();
+        Ok(Self { patterns, cells: index.cells, channels: index.channels })
+    }
+
+    /// The patterns that are fitted (false) or held out (true).
+    pub fn select(&self, held_out: bool) -> Vec<&MeasuredPattern> {
+        self.patterns.iter().filter(|p| p.held_out == held_out).collect()
+    }
+}
+
+/// Masks pixels that are lit directly, where a front-lit surface reflects: their variance becomes
+/// infinite. A cell next to a lit one is masked too, since a lens spreads light.
+pub(crate) fn mask_lit(
+    lit_face: Face,
+    [nx, ny]: [usize; 2],
+    irradiance: &[f64],
+    variance: &mut [Vec<f64>],
+) {
+    if lit_face != Face::Front {
+        return;
+    }
+    let threshold = 0.01 * irradiance.iter().copied().fold(0.0, f64::max);
+    for y in 0..ny {
+        for x in 0..nx {
+            let near = |v: usize, n: usize| v.saturating_sub(1)..(v + 2).min(n);
+            let lit = near(y, ny)
+                .any(|yy| near(x, nx).any(|xx| irradiance[yy * nx + xx] > threshold));
+            if lit {
+                variance.iter_mut().for_each(|map| map[y * nx + x] = f64::INFINITY);
+            }
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! A session: one folder that holds everything about one sample on one rig.
+
+use crate::Failure;
+use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
+use rig::{Acquisition, Chessboard};
+use serde::{Deserialize, Serialize};
+use simulator::{SampleSpec, SimulatedRig};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Version of `session.toml` that this program writes, and the newest that it reads.
+const VERSION: u32 = 1;
+
+/// `session.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Config {
+    /// Version of this file's layout.
+    pub version: u32,
+    pub sample: Sample,
+    pub rig: RigConfig,
+    pub plan: PlanConfig,
+}
+
+/// The block.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Sample {
+    pub name: String,
+    /// The grid that κ and μ are solved on; its size is the block's size.
+    pub grid: Grid,
+    pub lit_face: Face,
+    /// Refractive index.
+    pub eta: f64,
+    /// C of the boundary condition, where it is not to follow from the refractive index.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boundary_constant: Option<f64>,
+    #[serde(default)]
+    pub boundary: material::BoundaryConvention,
+    #[serde(default)]
+    pub lateral: LateralBoundary,
+    #[serde(default)]
+    pub illumination: material::Illumination,
+}
+
+impl Sample {
+    pub fn optics(&self) -> Result<Optics, Failure> {
+        if !(self.eta.is_finite() && self.eta >= 1.0) {
+            let error = format!("session.toml: sample.eta must be at least 1, found {}", self.eta);
+            return Err(Failure::input(error));
+        }
+        let mut optics = Optics::from_eta(self.eta);
+        if let Some(c) = self.boundary_constant {
+            if !(c.is_finite() && c > 0.0) {
+                let error =
+                    format!("session.toml: sample.boundary_constant must be positive, found {c}");
+                return Err(Failure::input(error));
+            }
+            optics.boundary_constant = c;
+        }
+        optics.boundary = self.boundary;
+        optics.lateral = self.lateral;
+        optics.illumination = self.illumination;
+        Ok(optics)
+    }
+}
+
+/// Where the pictures come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) enum RigConfig {
+    /// The simulator.
+    Simulated {
+        /// What the simulator puts on the rig.
+        sample: SampleSpec,
+        /// The printed chessboard.
+        board: calibration::Board,
+        /// The camera's noise figures.
+        noise: calibration::NoiseModel,
+    },
+    /// Pictures that were taken elsewhere; there is nothing to capture.
+    Imported,
+}
+
+/// What is captured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlanConfig {
+    /// Columns and rows of regions on the lit face.
+    pub regions: [usize; 2],
+    /// Exposures of the sample, seconds.
+    pub bracket_s: Vec<f64>,
+    /// Exposures of chart and white sheet, seconds.
+    pub reference_bracket_s: Vec<f64>,
+    /// Exposure of a chessboard, seconds.
+    pub board_exposure_s: f64,
+    /// Poses of the chessboard.
+    pub board_poses: usize,
+    /// The chessboard that the projector shows.
+    pub projector_board: Chessboard,
+}
+
+impl Default for PlanConfig {
+    fn default() -> Self {
+        Self {
+            regions: [4, 4],
+            bracket_s: rig::bracket(1.0 / 30.0, 8.0, 9),
+            reference_bracket_s: rig::bracket(1.0 / 30.0, 1.0, 6),
+            board_exposure_s: 1.0 / 30.0,
+            board_poses: 12,
+            projector_board: Chessboard { columns: 8, rows: 5, square_px: 50, x0: 287, y0: 234 },
+        }
+    }
+}
+
+/// An open session.
+pub(crate) struct Session {
+    folder: PathBuf,
+    pub config: Config,
+}
+
+impl Session {
+    /// Makes the folder and writes `session.toml`.
+    pub fn create(folder: &Path, config: Config, overwrite: Overwrite) -> Result<Self, Failure> {
+        std::fs::create_dir_all(folder)
+            .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", folder.display())))?;
+        let text = toml::to_string(&config).map_err(Failure::other)?;
+        atomic_write(&folder.join("session.toml"), overwrite, |file| {
+            file.write_all(text.as_bytes())
+        })?;
+        Ok(Self { folder: folder.into(), config })
+    }
+
+    pub fn open(folder: &Path) -> Result<Self, Failure> {
+        let path = folder.join("session.toml");
+        let text = std::fs::read_to_string(&path).map_err(|e| {
+            Failure::input(format!("{}: cannot be read: {e}", path.display())).hint(format!(
+                "a session is a folder with a session.toml; make one with: diaphane init {}",
+                folder.display()
+            ))
+        })?;
+        let bad = |e: toml::de::Error| Failure::input(format!("{}: {e}", path.display()));
+        // The version first: a newer file may well hold keys that mean nothing here.
+        #[derive(Deserialize)]
+        struct Version {
+            version: u32,
+        }
+        let found = toml::from_str::<Version>(&text).map_err(bad)?.version;
+        if found > VERSION {
+            let error = format!(
+                "{}: written by a newer version of Diaphane: layout {found}, this version reads up to {VERSION}",
+                path.display()
+            );
+            return Err(Failure::input(error).hint("update Diaphane"));
+        }
+        let config = toml::from_str(&text).map_err(bad)?;
+        Ok(Self { folder: folder.into(), config })
+    }
+
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// A file of the session.
+    pub fn path(&self, relative: &str) -> PathBuf {
+        self.folder.join(relative)
+    }
+
+    /// The file that an earlier step should have written.
+    pub fn required(&self, relative: &str, command: &str) -> Result<PathBuf, Failure> {
+        let path = self.path(relative);
+        if path.is_file() {
+            return Ok(path);
+        }
+        let command = command.replace("SESSION", &self.folder.display().to_string());
+        Err(Failure::missing(&path.display().to_string(), &command))
+    }
+
+    /// A path for a result; its folder is made.
+    pub fn result(&self, relative: &str) -> Result<PathBuf, Failure> {
+        let path = self.path(relative);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", folder.display())))?;
+        }
+        Ok(path)
+    }
+
+    /// Reads a result that was written by [`Session::write_json`].
+    pub fn read_json<T: serde::de::DeserializeOwned>(
+        &self,
+        relative: &str,
+        command: &str,
+    ) -> Result<T, Failure> {
+        let path = self.required(relative, command)?;
+        let bytes = std::fs::read(&path)
+            .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+        serde_json::from_slice(&bytes)
+            .map_err(|e| Failure::input(format!("{}: damaged: {e}", path.display())))
+    }
+
+    pub fn write_json(
+        &self,
+        relative: &str,
+        value: &impl Serialize,
+        overwrite: Overwrite,
+    ) -> Result<PathBuf, Failure> {
+        let path = self.result(relative)?;
+        let text = serde_json::to_vec_pretty(value).map_err(Failure::other)?;
+        atomic_write(&path, overwrite, |file| file.write_all(&text))?;
+        Ok(path)
+    }
+
+    /// Fails early where a result is there already and is not to be replaced.
+    pub fn refuse_existing(&self, relative: &str, overwrite: Overwrite) -> Result<(), Failure> {
+        let path = self.path(relative);
+        if overwrite == Overwrite::Refuse && path.exists() {
+            return Err(material::FileError::Exists { path }.into());
+        }
+        Ok(())
+    }
+
+    /// The two plans of a standard acquisition.
+    pub fn acquisition(&self) -> Acquisition {
+        let plan = &self.config.plan;
+        Acquisition {
+            lit_face: self.config.sample.lit_face,
+            regions: plan.regions,
+            bracket_s: plan.bracket_s.clone(),
+            reference_bracket_s: plan.reference_bracket_s.clone(),
+            board_exposure_s: plan.board_exposure_s,
+            poses: plan.board_poses,
+            projector_board: plan.projector_board,
+            repeats: 1,
+        }
+    }
+
+    /// The simulated rig, if that is what this session has.
+    pub fn simulated(&self) -> Result<Option<SimulatedRig>, Failure> {
+        match &self.config.rig {
+            RigConfig::Simulated { sample, .. } => {
+                Ok(Some(SimulatedRig::new(sample, self.config.sample.lit_face)?))
+            }
+            RigConfig::Imported => Ok(None),
+        }
+    }
+}
