@@ -1,6 +1,8 @@
 //! The command line: arguments in, exit code out.
 
-use crate::commands::{calibrate, capture, demo, export, init, merge, plan, solve, verify};
+use crate::commands::{
+    calibrate, capture, demo, export, init, merge, plan, report, solve, status, verify,
+};
 use crate::output::Done;
 use crate::Failure;
 use clap::{Parser, Subcommand};
@@ -31,12 +33,16 @@ enum Command {
     Calibrate(calibrate::Args),
     /// Merge brackets to radiance
     Merge(merge::Args),
+    /// Show which steps of a session are done and what comes next
+    Status(status::Args),
     /// Find κ and μ of every voxel
     Solve(solve::Args),
     /// Relight the material under every captured pattern and compare
     Verify(verify::Args),
     /// Write the material for other programs
     Export(export::Args),
+    /// Write one page about a session: how good it is, what it looks like, where it comes from
+    Report(report::Args),
     /// Acquire a material on the simulated rig, from nothing to a report
     Demo(demo::Args),
 }
@@ -99,9 +105,11 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Capture(args) => capture::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Status(args) => status::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Demo(args) => demo::run(&args),
     }
 }

@@ -5,6 +5,8 @@ mod commands;
 mod failure;
 mod measurement;
 mod output;
+mod report;
 mod session;
+mod steps;
 
 pub use failure::Failure;

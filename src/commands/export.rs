@@ -9,6 +9,8 @@ use material::Overwrite;
 use serde_json::json;
 use std::path::PathBuf;
 
+pub(crate) const NPZ: &str = "material/export/material.npz";
+
 /// Write the material for other programs: NumPy and Mitsuba 3
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane export my-wax")]
@@ -39,7 +41,7 @@ pub(crate) fn export(
     overwrite: Overwrite,
 ) -> Result<Vec<PathBuf>, Failure> {
     let material = load_material(session)?;
-    let npz = session.result("material/export/material.npz")?;
+    let npz = session.result(NPZ)?;
     let folder = session.path("material/export/mitsuba");
     std::fs::create_dir_all(&folder)
         .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", folder.display())))?;

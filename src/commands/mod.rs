@@ -7,5 +7,7 @@ pub(crate) mod export;
 pub(crate) mod init;
 pub(crate) mod merge;
 pub(crate) mod plan;
+pub(crate) mod report;
 pub(crate) mod solve;
+pub(crate) mod status;
 pub(crate) mod verify;

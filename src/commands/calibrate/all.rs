@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
 
-const RESULT: &str = "calibration/calibration.json";
+pub(crate) const RESULT: &str = "calibration/calibration.json";
 const COMMAND: &str = "diaphane calibrate all SESSION";
 
 /// Calibrate everything that a session needs from the pictures it has taken

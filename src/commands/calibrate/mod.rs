@@ -3,7 +3,7 @@
 mod all;
 mod camera;
 
-pub(crate) use all::{is_done, lit_plane, load, merge_shot, solve, subtract};
+pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
 
 use crate::Failure;
 use crate::output::Done;

@@ -1,0 +1,234 @@
+//! A session on one page: how good the material is and why, what it looks like, where it comes
+//! from. One HTML file that needs nothing else.
+
+mod chart;
+mod colour;
+mod html;
+mod images;
+mod picture;
+mod provenance;
+mod verdict;
+mod volumes;
+
+pub(crate) use verdict::Verdict;
+
+use crate::Failure;
+use crate::commands::calibrate::{self, Calibrated};
+use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
+use crate::commands::verify::{RESULT, Verification};
+use crate::measurement::{ARRAYS, Measured};
+use crate::session::Session;
+use crate::steps::{Step, steps};
+use chart::{Line, logarithmic};
+use html::{escape, facts, section};
+use material::{Face, Material};
+
+/// What a session holds so far.
+struct Found {
+    measured: Option<Measured>,
+    material: Option<Material>,
+    convergence: Option<Convergence>,
+    verification: Option<Verification>,
+    calibration: Option<Calibrated>,
+}
+
+impl Found {
+    fn look(session: &Session) -> Result<Self, Failure> {
+        let there = |path: &str| session.path(path).is_file();
+        let measured = there(ARRAYS).then(|| Measured::load(session)).transpose()?;
+        let path = session.path(MATERIAL);
+        let material = path.is_file().then(|| Material::load(&path)).transpose()?;
+        let convergence = there(CONVERGENCE)
+            .then(|| session.read_json(CONVERGENCE, "diaphane solve SESSION"))
+            .transpose()?;
+        let verification = there(RESULT)
+            .then(|| session.read_json(RESULT, "diaphane verify SESSION"))
+            .transpose()?;
+        let calibration =
+            calibrate::is_done(session).then(|| calibrate::load(session)).transpose()?;
+        Ok(Self { measured, material, convergence, verification, calibration })
+    }
+}
+
+/// The page, and the verdict on it where there is one.
+pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failure> {
+    let found = Found::look(session)?;
+    let steps = steps(session)?;
+    let verdict = found.verification.as_ref().map(Verdict::of);
+    let mut body = head(session, &found);
+    body += &match &verdict {
+        Some(verdict) => judged(verdict),
+        None => unjudged(&steps),
+    };
+    if let (Some(measured), Some(material)) = (&found.measured, &found.material) {
+        let shown = images::compared(measured, material, found.verification.as_ref())?;
+        body += &section("Captured and relit", &shown);
+    } else if let Some(measured) = &found.measured {
+        body += &section("Captured", &images::captured(measured, &session.config.sample.grid)?);
+    }
+    if let Some(material) = &found.material {
+        body += &section("Inside the material", &volumes::volumes(material)?);
+    }
+    if let Some(convergence) = &found.convergence {
+        body += &section("How the solve went", &converged(convergence));
+    }
+    if let Some(calibration) = &found.calibration {
+        body += &section("Calibration", &calibrated(calibration));
+    }
+    body += &section("Where it comes from", &provenance::table(session, found.material.as_ref())?);
+    let page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <link rel=\"icon\" href=\"data:,\"><title>{} – Diaphane</title>\n<style>\n{}</style></head>\n\
+         <body><main>\n{body}</main>\n<script>\n{}</script></body></html>\n",
+        escape(&session.config.sample.name),
+        include_str!("style.css"),
+        include_str!("script.js"),
+    );
+    Ok((page, verdict))
+}
+
+fn head(session: &Session, found: &Found) -> String {
+    let sample = &session.config.sample;
+    let [w, h, d] = sample.grid.size_mm();
+    let [nx, ny, nz] = sample.grid.cells();
+    let face = match sample.lit_face {
+        Face::Front => "front",
+        Face::Back => "back",
+    };
+    let patterns = found.measured.as_ref().map_or(String::new(), |m| {
+        let held = m.select(true).len();
+        format!(
+            " Measured under {} patterns, {held} of them kept out of the fit.",
+            m.patterns.len()
+        )
+    });
+    format!(
+        "<header><h1>{}</h1><p class=\"soft\">{w:.1} × {h:.1} × {d:.1} mm on {nx} × {ny} × {nz} cells, \
+         lit on the {face} face, η = {}.{patterns}</p></header>\n",
+        escape(&sample.name),
+        sample.eta
+    )
+}
+
+fn judged(verdict: &Verdict) -> String {
+    let row = |f: &verdict::Figure| {
+        format!(
+            "<tr><td>{}<br><span class=\"soft\">{}</span></td><td class=\"{}\">{}</td><td>≤ {}</td><td>≤ {}</td><td class=\"{}\">{}</td></tr>",
+            escape(f.name),
+            escape(f.meaning),
+            f.grade.word(),
+            f.show(f.value),
+            f.show(f.good),
+            f.show(f.usable),
+            f.grade.word(),
+            f.grade.word()
+        )
+    };
+    let rows: String = verdict.figures.iter().map(row).collect();
+    format!(
+        "<div class=\"verdict {0}\"><strong>{0}</strong><p>{1} {2}.</p><div class=\"wide\"><table><thead><tr>\
+         <th>figure</th><th>value</th><th>good</th><th>usable</th><th></th></tr></thead>{rows}</table></div></div>\n",
+        verdict.grade.word(),
+        verdict.grade.sentence(),
+        escape(capital(&verdict.reason())),
+    )
+}
+
+fn unjudged(steps: &[Step]) -> String {
+    let row = |s: &Step| {
+        let told =
+            if s.done { "done".to_owned() } else { format!("<code>{}</code>", escape(&s.command)) };
+        let frames = s.frames.as_ref().map_or(String::new(), |f| {
+            format!(" <span class=\"soft\">{} of {} pictures</span>", f.taken, f.wanted)
+        });
+        format!("<tr><th>{}</th><td>{told}{frames}</td></tr>", escape(s.name))
+    };
+    // The report cannot miss itself.
+    let rows: String = steps.iter().filter(|s| s.name != "report").map(row).collect();
+    format!(
+        "<div class=\"verdict unfinished\"><strong>not finished</strong><p>There is no verdict yet. \
+         What is missing, and the command that makes it:</p><table class=\"facts\">{rows}</table></div>\n"
+    )
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |c| c.to_uppercase().chain(chars).collect())
+}
+
+fn converged(convergence: &Convergence) -> String {
+    let classes = ["r", "g", "b"];
+    let lines: Vec<Line<'_>> = convergence
+        .channels
+        .iter()
+        .enumerate()
+        .map(|(i, c)| Line { name: &c.channel, class: classes[i % 3], values: &c.history })
+        .collect();
+    let chart = logarithmic(&lines, "gradient evaluations", "fit").unwrap_or_default();
+    let rows: String = convergence
+        .channels
+        .iter()
+        .map(|c| {
+            format!(
+                "<tr><td>{}</td><td>{:.2e}</td><td>{:.2}</td><td>{:.1e}</td><td>{:.3}</td><td>{}</td><td>{}</td><td>{:.3} mm</td><td>{:.4} /mm</td></tr>",
+                escape(&c.channel),
+                c.fit,
+                c.chi2,
+                c.lambda,
+                c.gain,
+                c.gradient_evaluations,
+                c.linear_solves,
+                c.homogeneous_kappa_mm,
+                c.homogeneous_mu_per_mm
+            )
+        })
+        .collect();
+    format!(
+        "<p>Fit, Σ(L − L′)² / ΣL², after each gradient evaluation. {:.0} s in all. χ²/N near 1 means that what is \
+         left is noise; a gain near 1 means that the radiometry is right.</p>{chart}\
+         <div class=\"wide\"><table><thead><tr><th>channel</th><th>fit</th><th>χ²/N</th><th>λ</th><th>gain</th>\
+         <th>gradients</th><th>solves</th><th>start κ</th><th>start μ</th></tr></thead>{rows}</table></div>",
+        convergence.seconds
+    )
+}
+
+fn calibrated(c: &Calibrated) -> String {
+    let m = &c.camera.model;
+    let p = &c.projector.model;
+    let device = |m: &calibration::CameraModel| {
+        format!(
+            "focal lengths {:.1}, {:.1} px; principal point {:.1}, {:.1} px; distortion {}",
+            m.fx,
+            m.fy,
+            m.cx,
+            m.cy,
+            m.distortion.iter().map(|d| format!("{d:.4}")).collect::<Vec<_>>().join(" ")
+        )
+    };
+    facts(&[
+        (
+            "Camera",
+            format!(
+                "{:.3} px RMS over {} views; {}",
+                c.camera.rms_px,
+                c.camera.views.len(),
+                device(m)
+            ),
+        ),
+        ("Projector", format!("{:.3} px RMS; {}", c.projector.rms_px, device(p))),
+        ("Baseline", format!("{:.1} mm", c.projector.baseline_mm)),
+        ("Front face", format!("{:.3} px RMS", c.front_rms_px)),
+        (
+            "Response",
+            if c.response.is_strictly_increasing() {
+                "strictly increasing"
+            } else {
+                "not strictly increasing"
+            }
+            .into(),
+        ),
+        ("White balance", c.white_balance.gains.map(|g| format!("{g:.4}")).join(", ")),
+        ("White by chart and by sheet", format!("agree to {:.2} %", 100.0 * c.white_disagreement)),
+    ])
+}
