@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::commands::init::{SimulatedArgs, simulated_config};
-use crate::commands::{calibrate, capture, export, merge, solve, verify};
+use crate::commands::{calibrate, capture, export, merge, report, solve, verify};
 use crate::output::Done;
 use crate::session::Session;
 use material::Overwrite;
@@ -58,15 +58,40 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         session.read_json(verify::RESULT, "diaphane verify SESSION")?
     };
     export::export(&session, Impossible::Clamp, Overwrite::Replace)?;
+    let (page, verdict) = report::report(&session, None, Overwrite::Replace)?;
     let seconds = started.elapsed().as_secs_f64();
     let summary = json!({
         "fit": checked.fit,
         "bssrdf_error": checked.bssrdf_error,
         "heldout_rel_rms": checked.heldout_rel_rms,
         "seconds_total": seconds,
+        "report": page,
         "material": session.path(solve::MATERIAL),
+        "images": session.path("measurement/hdr"),
+        "verdict": verdict,
     });
     session.write_json("summary.json", &summary, Overwrite::Replace)?;
-    let text = format!("{summary:#}");
+    let mut text = match &verdict {
+        Some(v) => format!("{}: {}, {}\n", session.config.sample.name, v.grade.word(), v.reason()),
+        None => format!("{}\n", session.config.sample.name),
+    };
+    text += &format!(
+        "  report    {}\n  images    {} (one EXR a pattern)\n  material  {}\n            {} (NumPy and Mitsuba 3)\n",
+        page.display(),
+        session.path("measurement/hdr").display(),
+        session.path(solve::MATERIAL).display(),
+        session.path("material/export").display(),
+    );
+    for figure in verdict.iter().flat_map(|v| &v.figures) {
+        text += &format!(
+            "  {:18} {:>8}  {} (good up to {}): {}\n",
+            figure.name,
+            figure.show(figure.value),
+            figure.grade.word(),
+            figure.show(figure.good),
+            figure.meaning
+        );
+    }
+    text += &format!("  {seconds:.0} s in all");
     Ok(Done::new(summary, text))
 }

@@ -44,13 +44,12 @@ pub(crate) fn logarithmic(lines: &[Line<'_>], x_label: &str, y_label: &str) -> O
             at + 4.5
         );
     }
-    let between = round_step((last - 1) as f64 / 6.0).max(1.0) as usize;
-    for i in (0..last).step_by(between) {
-        let (place, anchor) = (x(i), if i == 0 { "start" } else { "middle" });
+    let between = round_step(last as f64 / 6.0).max(1.0) as usize;
+    for count in (between..=last).step_by(between) {
         out += &format!(
-            "<text x=\"{place:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{}</text>",
-            HEIGHT - BOTTOM + 18.0,
-            i + 1
+            "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{count}</text>",
+            x(count - 1),
+            HEIGHT - BOTTOM + 18.0
         );
     }
     out += &format!(

@@ -1,6 +1,7 @@
 //! A session on one page: how good the material is and why, what it looks like, where it comes
 //! from. One HTML file that needs nothing else.
 
+mod additivity;
 mod chart;
 mod colour;
 mod html;
@@ -66,6 +67,9 @@ pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failu
     } else if let Some(measured) = &found.measured {
         body += &section("Captured", &images::captured(measured, &session.config.sample.grid)?);
     }
+    if let Some(table) = found.measured.as_ref().and_then(additivity::table) {
+        body += &section("Does the light add up?", &table);
+    }
     if let Some(material) = &found.material {
         body += &section("Inside the material", &volumes::volumes(material)?);
     }
@@ -114,15 +118,14 @@ fn head(session: &Session, found: &Found) -> String {
 fn judged(verdict: &Verdict) -> String {
     let row = |f: &verdict::Figure| {
         format!(
-            "<tr><td>{}<br><span class=\"soft\">{}</span></td><td class=\"{}\">{}</td><td>≤ {}</td><td>≤ {}</td><td class=\"{}\">{}</td></tr>",
+            "<tr><td>{}</td><td class=\"{4}\">{}</td><td>≤ {}</td><td>≤ {}</td><td class=\"{4}\">{4}</td></tr>\
+             <tr class=\"meaning\"><td colspan=\"5\">{5}</td></tr>",
             escape(f.name),
-            escape(f.meaning),
-            f.grade.word(),
             f.show(f.value),
             f.show(f.good),
             f.show(f.usable),
             f.grade.word(),
-            f.grade.word()
+            escape(f.meaning),
         )
     };
     let rows: String = verdict.figures.iter().map(row).collect();
@@ -229,6 +232,6 @@ fn calibrated(c: &Calibrated) -> String {
             .into(),
         ),
         ("White balance", c.white_balance.gains.map(|g| format!("{g:.4}")).join(", ")),
-        ("White by chart and by sheet", format!("agree to {:.2} %", 100.0 * c.white_disagreement)),
+        ("White by chart and by sheet", format!("differ by {:.2} %", 100.0 * c.white_disagreement)),
     ])
 }
