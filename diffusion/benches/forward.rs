@@ -23,7 +23,8 @@ fn block(grid: Grid) -> Medium {
     for i in 0..grid.len() {
         let p @ [x, y, z] = [i % nx, i / nx % ny, i / (nx * ny)].map(|c| c as f64 + 0.5);
         let wave = |phase: f64| {
-            let parts = (x / 5.0 + phase).sin() + (y / 4.0 - z / 6.0).cos() + (z / 3.5 + x / 9.0).sin();
+            let parts =
+                (x / 5.0 + phase).sin() + (y / 4.0 - z / 6.0).cos() + (z / 3.5 + x / 9.0).sin();
             0.5 + parts / 6.0
         };
         let (mut k, mut m) = (0.15 * 10f64.powf(wave(0.0)), 0.001 * 20f64.powf(wave(2.0)));
@@ -43,7 +44,8 @@ fn block(grid: Grid) -> Medium {
 fn regions(grid: &Grid) -> Illuminations {
     let [nx, ny, _] = grid.cells();
     let region = |i: usize| (i / nx) * PATTERNS / ny * PATTERNS + (i % nx) * PATTERNS / nx;
-    let map = |r: usize| (0..grid.face_len()).map(|i| f64::from(u8::from(region(i) == r))).collect();
+    let map =
+        |r: usize| (0..grid.face_len()).map(|i| f64::from(u8::from(region(i) == r))).collect();
     let maps = (0..PATTERNS * PATTERNS).map(map).collect();
     Illuminations::new(grid, Face::Back, maps).expect("maps fit the face")
 }

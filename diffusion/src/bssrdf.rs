@@ -1,6 +1,6 @@
 //! The diffuse BSSRDF of a block, and how far an acquired one is from the truth.
 
-use crate::{Batch, Forward, Illuminations, IlluminationError, LinearSolver, Medium, SolveError};
+use crate::{Batch, Forward, IlluminationError, Illuminations, LinearSolver, Medium, SolveError};
 use material::{Face, Grid, Optics};
 
 /// Source cells that are solved for in one batch.

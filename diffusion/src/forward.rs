@@ -2,9 +2,10 @@
 
 use crate::{
     Batch, Illuminations, LinearSolver, Medium, Operator, SolveError, SolveReport, SurfaceModel,
-    beam,
+    beam::first_scatter,
 };
 use material::{Face, Optics};
+use rayon::prelude::*;
 
 /// The forward problem of one medium: set up once, solved for any illumination.
 pub struct Forward<'a, S> {
@@ -34,21 +35,30 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         let grid = self.medium.grid();
         let plane = grid.face_len();
         let mut b = Batch::zeros(grid.len(), light.count());
-        if self.surface.beam != 0.0 {
-            let source = beam::first_scatter(&self.medium, light.face());
-            for (m, map) in light.maps().iter().enumerate() {
-                for (cell, s) in source.iter().enumerate() {
-                    b.set(m, cell, self.surface.beam * s * map[cell % plane]);
-                }
+        let lanes = b.lanes();
+        let SurfaceModel { beam, drive, .. } = self.surface;
+        if beam != 0.0 {
+            let source = first_scatter(&self.medium, light.face());
+            for (block, maps) in light.maps().chunks(lanes).enumerate() {
+                let planes = b.block_mut(block).par_chunks_mut(plane * lanes);
+                planes.zip(source.par_chunks(plane)).for_each(|(out, source)| {
+                    for (c, (out, s)) in out.chunks_exact_mut(lanes).zip(source).enumerate() {
+                        for (o, map) in out.iter_mut().zip(maps) {
+                            *o = beam * s * map[c];
+                        }
+                    }
+                });
             }
         }
-        if self.surface.drive != 0.0 {
+        if drive != 0.0 {
             let g = self.face_conductance(light.face());
             let first = self.first_cell(light.face());
-            for (m, map) in light.maps().iter().enumerate() {
-                for (c, (g, e)) in g.iter().zip(map).enumerate() {
-                    let at = b.get(m, first + c) + g * self.surface.drive * e;
-                    b.set(m, first + c, at);
+            for (block, maps) in light.maps().chunks(lanes).enumerate() {
+                let face = b.block_mut(block)[first * lanes..].chunks_exact_mut(lanes);
+                for (c, (out, g)) in face.zip(g).enumerate() {
+                    for (o, map) in out.iter_mut().zip(maps) {
+                        *o += g * drive * map[c];
+                    }
                 }
             }
         }

@@ -21,8 +21,8 @@ pub use cpu::{CpuSolver, Real};
 pub use forward::Forward;
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
-    Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method, Observer,
-    Progress, Stage, invert,
+    Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method,
+    Observer, Progress, Stage, invert,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

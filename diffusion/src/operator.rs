@@ -1,6 +1,7 @@
 //! The finite-volume operator of ∇·(κ∇φ) − μφ with Robin faces, in double precision.
 
-use crate::cpu::sweep::{RowKernel, rows};
+use crate::cpu::real::scale_add;
+use crate::cpu::sweep::{Row, RowKernel, neighbour_sum, rows};
 use crate::{Batch, Medium, Real};
 use material::{Face, LateralBoundary, Optics};
 use rayon::prelude::*;
@@ -151,29 +152,16 @@ impl<T: Real, const L: usize> RowKernel<T, L> for Residual<'_, L> {
     #[inline(always)]
     fn row(&self, y: usize, z: usize, out: &mut [[T; L]], dot: &mut [T; L]) {
         let Self { operator, b, x } = *self;
-        let [nx, ny, nz] = operator.cells;
-        let strides = [1, nx, nx * ny];
+        let row = Row::new(operator.cells, y, z);
+        let (links, diagonal) = (row.links(&operator.link), row.of(&operator.diagonal));
+        let (b, v) = (row.of(b), row.around(x));
         let mut sum = [0.0; L];
-        for (xx, o) in out.iter_mut().enumerate() {
-            let i = (z * ny + y) * nx + xx;
-            let mut acc = b[i];
-            let mut add = |t: f64, j: usize| {
-                for l in 0..L {
-                    acc[l] += t * x[j][l];
-                }
-            };
-            add(-operator.diagonal[i], i);
-            for (a, (at, n)) in [(xx, nx), (y, ny), (z, nz)].into_iter().enumerate() {
-                if at > 0 {
-                    add(operator.link[a][i - strides[a]], i - strides[a]);
-                }
-                if at + 1 < n {
-                    add(operator.link[a][i], i + strides[a]);
-                }
-            }
+        for x in 0..diagonal.len() {
+            let own = scale_add(-diagonal[x], &v[0][x], &b[x]);
+            let r = neighbour_sum(&links, x, own, |r, x| v[r][x]);
             for l in 0..L {
-                sum[l] += acc[l] * acc[l];
-                o[l] = T::from_f64(acc[l]);
+                sum[l] += r[l] * r[l];
+                out[x][l] = T::from_f64(r[l]);
             }
         }
         for l in 0..L {

@@ -94,7 +94,8 @@ fn manufactured_error(cells: [usize; 3]) -> f64 {
 /// below 1 % of the error and shrinks from the first pair of grids to the second.
 #[test]
 fn converges_to_a_manufactured_solution_with_second_order() {
-    let error: Vec<f64> = [1, 2, 4].iter().map(|k| manufactured_error([8 * k, 9 * k, 7 * k])).collect();
+    let error: Vec<f64> =
+        [1, 2, 4].iter().map(|k| manufactured_error([8 * k, 9 * k, 7 * k])).collect();
     let order: Vec<f64> = error.windows(2).map(|e| (e[0] / e[1]).log2()).collect();
     assert!((order[0] - 2.0).abs() < 0.02, "{order:?}");
     assert!((order[1] - 2.0).abs() < 0.01, "{order:?}");
@@ -190,7 +191,12 @@ fn homogeneous_slab_agrees_with_the_closed_form() {
 }
 
 /// Power through one face, per pattern: Jₙ recovered from the radiance, times the area.
-fn outward(forward: &Forward<'_, CpuSolver<f64>>, light: &Illuminations, phi: &Batch, face: Face) -> Vec<f64> {
+fn outward(
+    forward: &Forward<'_, CpuSolver<f64>>,
+    light: &Illuminations,
+    phi: &Batch,
+    face: Face,
+) -> Vec<f64> {
     let surface = forward.surface();
     let [hx, hy, _] = forward.medium().grid().spacing_mm();
     let maps = forward.exit_radiance(light, phi, face);

@@ -27,8 +27,7 @@ fn cases() -> Vec<(String, Case)> {
             for (face, lateral) in
                 [(Face::Back, LateralBoundary::Open), (Face::Front, LateralBoundary::NoFlux)]
             {
-                let optics =
-                    Optics { boundary, illumination, lateral, ..Optics::from_eta(1.3) };
+                let optics = Optics { boundary, illumination, lateral, ..Optics::from_eta(1.3) };
                 let mut random = |lo: f64, hi: f64, n: usize| -> Vec<f64> {
                     (0..n).map(|_| rng.random_range(lo..hi)).collect()
                 };
@@ -100,7 +99,11 @@ fn gradient_agrees_with_central_differences_in_every_cell() {
                 };
                 let difference = (at(step) - at(-step)) / (2.0 * step);
                 let error = (gradient[i] - difference).abs() / largest;
-                assert!(error < 1e-6, "{name}: d/d{what}[{i}]: {} against {difference}", gradient[i]);
+                assert!(
+                    error < 1e-6,
+                    "{name}: d/d{what}[{i}]: {} against {difference}",
+                    gradient[i]
+                );
             }
         }
     }
@@ -112,7 +115,8 @@ fn taylor_remainder_is_of_second_order() {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     for (name, case) in cases() {
         let (value, by_kappa, by_mu) = case.evaluate(&case.kappa, &case.mu, true);
-        let d_kappa: Vec<f64> = case.kappa.iter().map(|k| k * rng.random_range(-1.0..1.0)).collect();
+        let d_kappa: Vec<f64> =
+            case.kappa.iter().map(|k| k * rng.random_range(-1.0..1.0)).collect();
         let d_mu: Vec<f64> = case.mu.iter().map(|m| m * rng.random_range(-1.0..1.0)).collect();
         let slope: f64 = by_kappa.iter().zip(&d_kappa).map(|(g, d)| g * d).sum::<f64>()
             + by_mu.iter().zip(&d_mu).map(|(g, d)| g * d).sum::<f64>();
@@ -120,7 +124,8 @@ fn taylor_remainder_is_of_second_order() {
             let moved = |v: &[f64], d: &[f64]| -> Vec<f64> {
                 v.iter().zip(d).map(|(v, d)| v + h * d).collect()
             };
-            (case.value(&moved(&case.kappa, &d_kappa), &moved(&case.mu, &d_mu)) - value - h * slope).abs()
+            (case.value(&moved(&case.kappa, &d_kappa), &moved(&case.mu, &d_mu)) - value - h * slope)
+                .abs()
         };
         let order = (remainder(2e-3) / remainder(1e-3)).log2();
         assert!((order - 2.0).abs() < 0.02, "{name}: order {order}");

@@ -9,7 +9,12 @@ use rand_chacha::ChaCha8Rng;
 const SEED: u64 = 20080731;
 
 /// Log-uniform κ of the given contrast, cell by cell (the roughest field there is).
-fn operator(cells: [usize; 3], spacing: [f64; 3], contrast: f64, lateral: LateralBoundary) -> Operator {
+fn operator(
+    cells: [usize; 3],
+    spacing: [f64; 3],
+    contrast: f64,
+    lateral: LateralBoundary,
+) -> Operator {
     let grid = Grid::new(cells, spacing).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let mut field = |lo: f64, ratio: f64| -> Vec<f64> {
@@ -33,7 +38,11 @@ fn norm(v: &[f64]) -> f64 {
     v.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-fn solve<T: Real>(operator: &Operator, b: &Batch, tolerance: f64) -> Result<(Batch, SolveReport), SolveError> {
+fn solve<T: Real>(
+    operator: &Operator,
+    b: &Batch,
+    tolerance: f64,
+) -> Result<(Batch, SolveReport), SolveError> {
     let mut solver = CpuSolver::<T>::new();
     solver.prepare(operator.clone())?;
     let mut x = Batch::zeros(b.cells(), b.count());
@@ -73,7 +82,14 @@ fn both_precisions_reach_the_residual_and_agree() {
 #[test]
 fn any_grid_converges_in_bounded_iterations() {
     for cells in [
-        [2, 2, 2], [3, 2, 5], [2, 2, 33], [65, 2, 3], [7, 5, 3], [17, 19, 23], [33, 32, 31], [64, 48, 20],
+        [2, 2, 2],
+        [3, 2, 5],
+        [2, 2, 33],
+        [65, 2, 3],
+        [7, 5, 3],
+        [17, 19, 23],
+        [33, 32, 31],
+        [64, 48, 20],
     ] {
         for hz in [0.2, 1.0, 5.0] {
             for lateral in [LateralBoundary::Open, LateralBoundary::NoFlux] {
@@ -82,7 +98,11 @@ fn any_grid_converges_in_bounded_iterations() {
                 let (x, report) = solve::<f32>(&operator, &b, 1e-6)
                     .unwrap_or_else(|e| panic!("{cells:?} hz {hz} {lateral:?}: {e}"));
                 assert!(relative_residual(&operator, &b, &x) <= 1e-6);
-                assert!(report.iterations <= 10, "{cells:?} hz {hz} {lateral:?}: {}", report.iterations);
+                assert!(
+                    report.iterations <= 10,
+                    "{cells:?} hz {hz} {lateral:?}: {}",
+                    report.iterations
+                );
             }
         }
     }

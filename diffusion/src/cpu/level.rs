@@ -65,12 +65,6 @@ impl<T: Real> Level<T> {
     pub fn len(&self) -> usize {
         self.minus_diagonal.len()
     }
-
-    /// The first cell of the row at (y, z).
-    #[inline(always)]
-    pub fn row_start(&self, y: usize, z: usize) -> usize {
-        (z * self.cells[1] + y) * self.cells[0]
-    }
 }
 
 /// Which axes to halve: those whose mean conductance is comparable with the strongest one's.

@@ -4,7 +4,7 @@
 mod level;
 mod multigrid;
 mod pcg;
-mod real;
+pub(crate) mod real;
 pub(crate) mod sweep;
 
 pub use real::Real;
@@ -21,14 +21,18 @@ const MAX_ITERATIONS: usize = 200;
 
 /// Solves on the CPU. `T` is the precision of the iteration and its preconditioner; the
 /// solution and the residual that decides are double whatever `T`, by iterative refinement.
+///
+/// Work space is kept from one solve to the next: an inverse solve asks hundreds of times.
 pub struct CpuSolver<T> {
     prepared: Option<(Operator, Hierarchy<T>)>,
+    few: Option<Krylov<T, 4>>,
+    many: Option<Krylov<T, 16>>,
 }
 
 impl<T: Real> CpuSolver<T> {
     /// A solver without an operator yet.
     pub fn new() -> Self {
-        Self { prepared: None }
+        Self { prepared: None, few: None, many: None }
     }
 }
 
@@ -41,6 +45,8 @@ impl<T: Real> Default for CpuSolver<T> {
 impl<T: Real> LinearSolver for CpuSolver<T> {
     fn prepare(&mut self, operator: Operator) -> Result<(), SolveError> {
         let hierarchy = Hierarchy::new(&operator);
+        self.few.take_if(|space| !space.fits(&hierarchy));
+        self.many.take_if(|space| !space.fits(&hierarchy));
         self.prepared = Some((operator, hierarchy));
         Ok(())
     }
@@ -52,13 +58,17 @@ impl<T: Real> LinearSolver for CpuSolver<T> {
         tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
         let (operator, hierarchy) = self.prepared.as_ref().ok_or(SolveError::NotPrepared)?;
-        if b.cells() != operator.len() {
-            return Err(SolveError::WrongSize { expected: operator.len(), found: b.cells() });
+        for found in [b.cells(), x.cells()] {
+            if found != operator.len() {
+                return Err(SolveError::WrongSize { expected: operator.len(), found });
+            }
         }
         if b.lanes() == 16 {
-            solve_batch::<T, 16>(operator, hierarchy, b, x, tolerance)
+            let krylov = self.many.get_or_insert_with(|| Krylov::new(hierarchy));
+            solve_batch(operator, hierarchy, krylov, b, x, tolerance)
         } else {
-            solve_batch::<T, 4>(operator, hierarchy, b, x, tolerance)
+            let krylov = self.few.get_or_insert_with(|| Krylov::new(hierarchy));
+            solve_batch(operator, hierarchy, krylov, b, x, tolerance)
         }
     }
 
@@ -70,26 +80,22 @@ impl<T: Real> LinearSolver for CpuSolver<T> {
 fn solve_batch<T: Real, const L: usize>(
     operator: &Operator,
     hierarchy: &Hierarchy<T>,
+    krylov: &mut Krylov<T, L>,
     b: &Batch,
     x: &mut Batch,
     tolerance: f64,
 ) -> Result<SolveReport, SolveError> {
-    let mut krylov = Krylov::<T, L>::new(hierarchy);
     let mut report = SolveReport { right_hand_sides: b.count(), ..SolveReport::default() };
     for block in 0..b.blocks() {
         let first_field = block * L;
-        let (iterations, residual) = solve_block(
-            operator,
-            hierarchy,
-            &mut krylov,
-            b.block(block),
-            x.block_mut(block),
-            tolerance,
-        )
-        .map_err(|error| match error {
-            SolveError::NotFinite { field } => SolveError::NotFinite { field: first_field + field },
-            other => other,
-        })?;
+        let (iterations, residual) =
+            solve_block(operator, hierarchy, krylov, b.block(block), x.block_mut(block), tolerance)
+                .map_err(|error| match error {
+                    SolveError::NotFinite { field } => {
+                        SolveError::NotFinite { field: first_field + field }
+                    }
+                    other => other,
+                })?;
         report.iterations = report.iterations.max(iterations);
         report.relative_residual = report.relative_residual.max(residual);
     }
@@ -111,8 +117,9 @@ fn solve_block<T: Real, const L: usize>(
     if let Some(field) = b_norm.iter().position(|n| !n.is_finite()) {
         return Err(SolveError::NotFinite { field });
     }
+    let x_norm = norms(x);
     for lane in 0..L {
-        if b_norm[lane] == 0.0 || x.iter().any(|v| !v[lane].is_finite()) {
+        if x_norm[lane] != 0.0 && (b_norm[lane] == 0.0 || !x_norm[lane].is_finite()) {
             x.iter_mut().for_each(|v| v[lane] = 0.0);
         }
     }
@@ -152,11 +159,22 @@ fn solve_block<T: Real, const L: usize>(
 }
 
 fn norms<const L: usize>(values: &[[f64; L]]) -> [f64; L] {
-    let mut sum = [0.0; L];
-    for v in values {
+    let squares = |piece: &[[f64; L]]| {
+        let mut sum = [0.0; L];
+        for v in piece {
+            for l in 0..L {
+                sum[l] += v[l] * v[l];
+            }
+        }
+        sum
+    };
+    // Pieces of fixed size, added up in order: the same bits whatever the number of threads.
+    let parts: Vec<[f64; L]> = values.par_chunks(1 << 12).map(squares).collect();
+    let mut total = [0.0; L];
+    for part in parts {
         for l in 0..L {
-            sum[l] += v[l] * v[l];
+            total[l] += part[l];
         }
     }
-    sum.map(f64::sqrt)
+    total.map(f64::sqrt)
 }

@@ -3,7 +3,7 @@
 use super::level::{Hierarchy, Level};
 use super::multigrid::VCycle;
 use super::real::{Lanes, Real, lane_mul_add, scale, splat};
-use super::sweep::{RowKernel, neighbour_sum, rows};
+use super::sweep::{Row, RowKernel, neighbour_sum, rows};
 
 /// Vectors of one solve.
 pub(crate) struct Krylov<T, const L: usize> {
@@ -18,6 +18,11 @@ impl<T: Real, const L: usize> Krylov<T, L> {
     pub fn new(hierarchy: &Hierarchy<T>) -> Self {
         let field = || vec![splat(T::ZERO); hierarchy.levels[0].len()];
         Self { r: field(), x: field(), p: field(), p_next: field(), cycle: VCycle::new(hierarchy) }
+    }
+
+    /// Whether the vectors fit the levels of a hierarchy, so that they can serve it too.
+    pub fn fits(&self, hierarchy: &Hierarchy<T>) -> bool {
+        self.cycle.fits(hierarchy)
     }
 
     /// Reduces the residual `r` of every lane to `target` (absolute norms) from x = 0, at
@@ -81,14 +86,15 @@ impl<T: Real, const L: usize> RowKernel<T, L> for SearchDirection<'_, T, L> {
     #[inline(always)]
     fn row(&self, y: usize, zz: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<T, L>) {
         let Self { level, z, ref beta, p } = *self;
-        let first = level.row_start(y, zz);
-        for (x, o) in out.iter_mut().enumerate() {
-            let i = first + x;
-            *o = lane_mul_add(beta, &p[i], &z[i]);
-            let own = scale(level.minus_diagonal[i], o);
-            let minus_a_out =
-                neighbour_sum(level, [x, y, zz], i, own, |j, _| lane_mul_add(beta, &p[j], &z[j]));
-            *dot = lane_mul_add(o, &minus_a_out, dot);
+        let row = Row::new(level.cells, y, zz);
+        let (links, minus_diagonal) = (row.links(&level.link), row.of(&level.minus_diagonal));
+        let (z, p) = (row.around(z), row.around(p));
+        let direction = |r: usize, x: usize| lane_mul_add(beta, &p[r][x], &z[r][x]);
+        for x in 0..minus_diagonal.len() {
+            let here = direction(0, x);
+            out[x] = here;
+            let own = scale(minus_diagonal[x], &here);
+            *dot = lane_mul_add(&here, &neighbour_sum(&links, x, own, direction), dot);
         }
     }
 }
@@ -103,8 +109,8 @@ struct AdvanceSolution<'a, T, const L: usize> {
 impl<T: Real, const L: usize> RowKernel<T, L> for AdvanceSolution<'_, T, L> {
     #[inline(always)]
     fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
-        let first = self.level.row_start(y, z);
-        for (o, p) in out.iter_mut().zip(&self.p[first..]) {
+        let p = Row::new(self.level.cells, y, z).of(self.p);
+        for (o, p) in out.iter_mut().zip(p) {
             *o = lane_mul_add(&self.alpha, p, o);
         }
     }
@@ -122,13 +128,15 @@ impl<T: Real, const L: usize> RowKernel<T, L> for AdvanceResidual<'_, T, L> {
     #[inline(always)]
     fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<T, L>) {
         let Self { level, ref alpha, p } = *self;
-        let first = level.row_start(y, z);
-        for (x, o) in out.iter_mut().enumerate() {
-            let i = first + x;
-            let own = scale(level.minus_diagonal[i], &p[i]);
-            let minus_ap = neighbour_sum(level, [x, y, z], i, own, |j, _| p[j]);
-            *o = lane_mul_add(alpha, &minus_ap, o);
-            *dot = lane_mul_add(o, o, dot);
+        let row = Row::new(level.cells, y, z);
+        let (links, minus_diagonal) = (row.links(&level.link), row.of(&level.minus_diagonal));
+        let p = row.around(p);
+        for x in 0..minus_diagonal.len() {
+            let own = scale(minus_diagonal[x], &p[0][x]);
+            let minus_ap = neighbour_sum(&links, x, own, |r, x| p[r][x]);
+            let r = lane_mul_add(alpha, &minus_ap, &out[x]);
+            out[x] = r;
+            *dot = lane_mul_add(&r, &r, dot);
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Passes over all cells of a level: rows are handed to threads in fixed pieces, so that
 //! sums come out the same whatever the number of threads.
 
-use super::level::Level;
 use super::real::{Lanes, Real, scale_add, splat};
 use rayon::prelude::*;
 
@@ -36,11 +35,18 @@ impl<K: RowKernel<T, L>, T: Real, const L: usize> pulp::WithSimd for Piece<'_, K
             let r = self.first_row + k;
             let mut partial = splat(T::ZERO);
             self.kernel.row(r % ny, r / ny, out_row, &mut partial);
-            for l in 0..L {
-                total[l] += partial[l].to_f64();
-            }
+            widen_and_add(&mut total, &partial);
         }
         total
+    }
+}
+
+/// Not inlined: conversion to double goes by four lanes, and where the compiler sees it, it cuts
+/// the whole row's arithmetic into vectors of four instead of eight.
+#[inline(never)]
+fn widen_and_add<T: Real, const L: usize>(total: &mut [f64; L], partial: &Lanes<T, L>) {
+    for l in 0..L {
+        total[l] += partial[l].to_f64();
     }
 }
 
@@ -70,38 +76,89 @@ pub(crate) fn rows<T: Real, const L: usize>(
     })
 }
 
-/// start + Σ over the neighbours of cell i of conductance · value.
+/// Where a row's cells and those of the four rows beside it stand in a field: the row itself,
+/// then its neighbours at −y, +y, −z and +z.
 ///
-/// `value(j, d)` is the value of neighbour j, which lies one step along direction d
-/// (0 −x, 1 +x, 2 −y, 3 +y, 4 −z, 5 +z).
+/// Slices of one row each, so that no index into a field has to be checked cell by cell.
+pub(crate) type Around<'a, V> = [&'a [V]; 5];
+
+/// A row of a block of cells, to look things up around it.
+#[derive(Clone, Copy)]
+pub(crate) struct Row {
+    cells: [usize; 3],
+    y: usize,
+    z: usize,
+}
+
+impl Row {
+    #[inline(always)]
+    pub fn new(cells: [usize; 3], y: usize, z: usize) -> Self {
+        Self { cells, y, z }
+    }
+
+    #[inline(always)]
+    fn at<'a, V>(&self, field: &'a [V], y: usize, z: usize) -> &'a [V] {
+        let [nx, ny, _] = self.cells;
+        let first = (z * ny + y) * nx;
+        &field[first..first + nx]
+    }
+
+    /// The row's own values.
+    #[inline(always)]
+    pub fn of<'a, V>(&self, field: &'a [V]) -> &'a [V] {
+        self.at(field, self.y, self.z)
+    }
+
+    /// Values around the row; past an end of the block it is the row itself, which counts
+    /// with conductance 0.
+    #[inline(always)]
+    pub fn around<'a, V>(&self, field: &'a [V]) -> Around<'a, V> {
+        let Self { cells: [_, ny, nz], y, z } = *self;
+        [
+            self.at(field, y, z),
+            self.at(field, y.saturating_sub(1), z),
+            self.at(field, (y + 1).min(ny - 1), z),
+            self.at(field, y, z.saturating_sub(1)),
+            self.at(field, y, (z + 1).min(nz - 1)),
+        ]
+    }
+
+    /// Conductances from the row's cells to the next along x, then to −y, +y, −z and +z.
+    ///
+    /// The last link of an axis is 0. That is the link across the high end, and it also
+    /// serves for the one across the low end.
+    #[inline(always)]
+    pub fn links<'a, T>(&self, link: &'a [Vec<T>; 3]) -> Around<'a, T> {
+        let Self { cells: [_, ny, nz], y, z } = *self;
+        [
+            self.at(&link[0], y, z),
+            self.at(&link[1], y.checked_sub(1).unwrap_or(ny - 1), z),
+            self.at(&link[1], y, z),
+            self.at(&link[2], y, z.checked_sub(1).unwrap_or(nz - 1)),
+            self.at(&link[2], y, z),
+        ]
+    }
+}
+
+/// start + Σ over the six neighbours of the row's cell x of conductance · value.
+///
+/// `value(r, x)` is the value of cell x in row r of the [`Around`].
 #[inline(always)]
 pub(crate) fn neighbour_sum<T: Real, const L: usize>(
-    level: &Level<T>,
-    [x, y, z]: [usize; 3],
-    i: usize,
+    links: &Around<'_, T>,
+    x: usize,
     start: Lanes<T, L>,
     value: impl Fn(usize, usize) -> Lanes<T, L>,
 ) -> Lanes<T, L> {
-    let [nx, ny, nz] = level.cells;
-    let plane = nx * ny;
     let mut acc = start;
     if x > 0 {
-        acc = scale_add(level.link[0][i - 1], &value(i - 1, 0), &acc);
+        acc = scale_add(links[0][x - 1], &value(0, x - 1), &acc);
     }
-    if x + 1 < nx {
-        acc = scale_add(level.link[0][i], &value(i + 1, 1), &acc);
+    if x + 1 < links[0].len() {
+        acc = scale_add(links[0][x], &value(0, x + 1), &acc);
     }
-    if y > 0 {
-        acc = scale_add(level.link[1][i - nx], &value(i - nx, 2), &acc);
-    }
-    if y + 1 < ny {
-        acc = scale_add(level.link[1][i], &value(i + nx, 3), &acc);
-    }
-    if z > 0 {
-        acc = scale_add(level.link[2][i - plane], &value(i - plane, 4), &acc);
-    }
-    if z + 1 < nz {
-        acc = scale_add(level.link[2][i], &value(i + plane, 5), &acc);
-    }
-    acc
+    acc = scale_add(links[1][x], &value(1, x), &acc);
+    acc = scale_add(links[2][x], &value(2, x), &acc);
+    acc = scale_add(links[3][x], &value(3, x), &acc);
+    scale_add(links[4][x], &value(4, x), &acc)
 }

@@ -69,12 +69,17 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
         let measured = self.measurement.radiance();
         let pixels = || {
             images.iter().zip(measured).zip(weights).flat_map(|((image, meas), w)| {
-                image.iter().zip(meas).zip(w).filter(|(_, w)| **w > 0.0).map(|((l, m), w)| (*l, *m, *w))
+                image
+                    .iter()
+                    .zip(meas)
+                    .zip(w)
+                    .filter(|(_, w)| **w > 0.0)
+                    .map(|((l, m), w)| (*l, *m, *w))
             })
         };
         let gain = if self.free_gain {
-            let (cross, own) = pixels()
-                .fold((0.0, 0.0), |(c, o), (l, m, w)| (c + w * l * m, o + w * l * l));
+            let (cross, own) =
+                pixels().fold((0.0, 0.0), |(c, o), (l, m, w)| (c + w * l * m, o + w * l * l));
             if own > 0.0 { cross / own } else { 1.0 }
         } else {
             1.0
@@ -98,8 +103,13 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
                     image.iter().zip(meas).zip(w).map(pixel).collect()
                 })
                 .collect();
-            let (g, _) =
-                forward.gradient(light, &self.fluence, &slope, &mut self.adjoint, self.tolerance)?;
+            let (g, _) = forward.gradient(
+                light,
+                &self.fluence,
+                &slope,
+                &mut self.adjoint,
+                self.tolerance,
+            )?;
             self.linear_solves += light.count();
             self.gradient_evaluations += 1;
             (out.by_kappa, out.by_mu) = (g.by_kappa, g.by_mu);

@@ -154,14 +154,8 @@ pub fn invert<S: LinearSolver>(
         Method::Lbfgs => measurement.with_model_error(settings.model_error),
         Method::Paper => measurement.unweighted(),
     };
-    let mut data = DataTerm::new(
-        *grid,
-        *optics,
-        &measurement,
-        settings.free_gain,
-        settings.tolerance,
-        solver,
-    );
+    let mut data =
+        DataTerm::new(*grid, *optics, &measurement, settings.free_gain, settings.tolerance, solver);
     let start = homogeneous::fit(&mut data, observer)?;
     match settings.method {
         Method::Lbfgs => lbfgs::run(data, settings, start, observer),

@@ -11,8 +11,8 @@ use super::smoothness::squared_gradient;
 use super::{Inverse, InverseError, InverseSettings, Lambda, Observer, Progress, Stage};
 use crate::{LinearSolver, Medium};
 use argmin::core::{
-    CostFunction, Error, Executor, Gradient, IterState, KV, LineSearch, Problem, Solver,
-    State, TerminationReason,
+    CostFunction, Error, Executor, Gradient, IterState, KV, LineSearch, Problem, Solver, State,
+    TerminationReason,
 };
 use argmin::solver::conjugategradient::NonlinearConjugateGradient;
 use argmin::solver::conjugategradient::beta::PolakRibierePlus;
@@ -140,8 +140,7 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
             misfit.by_kappa.iter().chain(&misfit.by_mu).map(|g| g / self.energy).collect();
         slope.resize(2 * n, 0.0);
         let scale = self.lambda / self.start.kappa_mm.powi(2);
-        let roughness =
-            squared_gradient(&self.data.grid, &values[..n], scale, &mut slope[..n]);
+        let roughness = squared_gradient(&self.data.grid, &values[..n], scale, &mut slope[..n]);
         for i in 0..2 * n {
             if values[i] != x[i] {
                 slope[i] = 0.0;
@@ -164,7 +163,11 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
             chi2,
             lambda: self.lambda,
         };
-        if (self.observer)(&progress) { Ok((objective, slope)) } else { Err(InverseError::Interrupted) }
+        if (self.observer)(&progress) {
+            Ok((objective, slope))
+        } else {
+            Err(InverseError::Interrupted)
+        }
     }
 }
 

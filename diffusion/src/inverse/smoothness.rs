@@ -37,9 +37,8 @@ mod tests {
         let grid = Grid::new([5, 4, 3], [0.5, 2.0, 0.7]).unwrap();
         let scale = grid.cell_volume_mm3().powf(2.0 / 3.0);
         for axis in 0..3 {
-            let u: Vec<f64> = (0..grid.len())
-                .map(|i| grid.centre_mm(i % 5, i / 5 % 4, i / 20)[axis])
-                .collect();
+            let u: Vec<f64> =
+                (0..grid.len()).map(|i| grid.centre_mm(i % 5, i / 5 % 4, i / 20)[axis]).collect();
             let n = grid.cells();
             let faces = grid.len() / n[axis] * (n[axis] - 1);
             let r = squared_gradient(&grid, &u, 0.0, &mut vec![0.0; grid.len()]);
