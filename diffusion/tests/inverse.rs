@@ -100,27 +100,105 @@ fn errors(found: &Inverse) -> [f64; 3] {
     ]
 }
 
+/// The images carry 1 % noise per pixel and the solved grid is twice too coarse, so
+/// - fit ≥ NOISE² = 1e-4 cannot be asked for more than that plus the grid's own error (measured
+///   1.6e-4), and below half the noise it would have fitted noise;
+/// - E and the logs are the measured values (1.8e-3, 0.11, 0.35) with a third to spare. Homogeneous
+///   blocks are off by 0.43 in log κ. μ is known less well: a slab of a few mean free paths loses
+///   more light through its sides than to absorption.
 #[test]
 fn the_default_method_finds_a_veined_block() {
     let found = find(1.0, &InverseSettings::default());
     let [e, kappa, mu] = errors(&found);
-    let start = log_error(&vec![found.homogeneous.0; found.kappa_mm.len()], block(&grids()[0]).kappa_mm());
-    eprintln!("DEFAULT fit {:.2e} chi2 {:.2} E {e:.2e} log kappa {kappa:.3} (start {start:.3}) log mu {mu:.3} evals {} gain {}", found.fit, found.chi2, found.gradient_evaluations, found.gain);
+    eprintln!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}, log mu {mu:.3}", found.fit);
+    assert!(0.5 * NOISE * NOISE < found.fit && found.fit < 2.1e-4, "{}", found.fit);
+    assert!(e < 2.5e-3, "{e:.2e}");
+    assert!(kappa < 0.15, "{kappa}");
+    assert!(mu < 0.46, "{mu}");
+    let start = vec![found.homogeneous.0; found.kappa_mm.len()];
+    assert!(log_error(&start, block(&grids()[0]).kappa_mm()) > 2.0 * kappa);
+    assert_eq!(found.gain, 1.0);
+    assert_eq!(found.history.len(), found.gradient_evaluations);
 }
 
+/// W08 stops at ε = 1e-4, which is the noise of these images: it is reached. Its material is
+/// the worse one: E measured 4.3e-3, log κ off by 0.24 (a third to spare), and nothing holds μ
+/// smooth.
 #[test]
 fn the_papers_method_reaches_its_own_stop() {
     let settings = InverseSettings { method: Method::Paper, ..InverseSettings::default() };
     let found = find(1.0, &settings);
-    let [e, kappa, mu] = errors(&found);
-    eprintln!("PAPER fit {:.2e} E {e:.2e} log kappa {kappa:.3} log mu {mu:.3} evals {}", found.fit, found.gradient_evaluations);
+    let [e, kappa, _] = errors(&found);
+    eprintln!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}", found.fit);
+    assert!(found.fit <= 1e-4, "{}", found.fit);
+    assert!(found.gradient_evaluations < settings.max_evaluations);
+    assert!(e < 6e-3, "{e:.2e}");
+    assert!(kappa < 0.32, "{kappa}");
 }
 
+/// Images that are all 1.2 times as bright give the same κ and μ and a gain 1.2 times as large:
+/// the data term with its best gain does not know about scale, and only the single-precision
+/// solves (1e-6) tell the two apart. By itself the gain is 1 to 3 %, which the grid's own
+/// error explains (measured 0.983); without a free gain, κ and μ would have to take up the 1.2.
 #[test]
 fn a_free_gain_takes_up_a_scale() {
     let free = InverseSettings { free_gain: true, ..InverseSettings::default() };
-    let found = find(1.2, &free);
-    let plain = find(1.0, &free);
-    let [e, kappa, mu] = errors(&found);
-    eprintln!("GAIN {} and {} E {e:.2e} {kappa:.3} {mu:.3} kappa diff {:.3} mu {:.3}", found.gain, plain.gain, log_error(&found.kappa_mm, &plain.kappa_mm), log_error(&found.mu_per_mm, &plain.mu_per_mm));
+    let (bright, plain) = (find(1.2, &free), find(1.0, &free));
+    assert!((plain.gain - 1.0).abs() < 0.03, "{}", plain.gain);
+    assert!((bright.gain / plain.gain / 1.2 - 1.0).abs() < 2e-3, "{}", bright.gain);
+    assert!(log_error(&bright.kappa_mm, &plain.kappa_mm) < 0.02);
+    assert!(log_error(&bright.mu_per_mm, &plain.mu_per_mm) < 0.05);
+    let fixed = find(1.2, &InverseSettings::default());
+    assert!(log_error(&fixed.mu_per_mm, &plain.mu_per_mm) > 0.2);
+}
+
+/// The observer sees both stages and can stop either; budgets are kept.
+#[test]
+fn the_observer_can_stop_and_the_budget_holds() {
+    let [grid, _] = grids();
+    let optics = Optics::from_eta(1.3);
+    let data = measurement(&optics, 1.0);
+    let mut solver = CpuSolver::<f32>::new();
+    for method in [Method::Lbfgs, Method::Paper] {
+        let settings = InverseSettings { method, max_evaluations: 5, ..Default::default() };
+        for stage in [Stage::Homogeneous, Stage::Volume] {
+            let mut seen = 0;
+            let mut observer = |p: &diffusion::Progress| {
+                seen += 1;
+                p.stage != stage
+            };
+            let stopped = invert(&grid, &optics, &data, &settings, &mut solver, &mut observer);
+            assert_eq!(stopped.unwrap_err(), InverseError::Interrupted);
+            assert!(seen > 0);
+        }
+        let found = invert(&grid, &optics, &data, &settings, &mut solver, &mut |_| true).unwrap();
+        assert!(found.gradient_evaluations <= 5, "{}", found.gradient_evaluations);
+    }
+}
+
+#[test]
+fn measurements_that_say_nothing_are_refused() {
+    let [grid, _] = grids();
+    let make = |radiance: f64, variance: f64| {
+        let maps = |value: f64| vec![vec![value; grid.face_len()]; 16];
+        Measurement::new(&grid, regions(&grid), maps(radiance), &maps(variance)).map(|_| ())
+    };
+    assert_eq!(make(0.1, 1.0), Ok(()));
+    assert_eq!(make(0.1, f64::INFINITY), Err(MeasurementError::AllMasked));
+    // A masked pixel may hold anything.
+    assert_eq!(make(f64::NAN, f64::INFINITY), Err(MeasurementError::AllMasked));
+    assert_eq!(make(0.0, 1.0), Err(MeasurementError::AllZero));
+    for (radiance, variance, name) in
+        [(f64::NAN, 1.0, "radiance"), (0.1, f64::NAN, "variance"), (0.1, -1.0, "variance")]
+    {
+        match make(radiance, variance) {
+            Err(MeasurementError::BadValue { array, pattern: 0, x: 0, y: 0, .. }) => {
+                assert_eq!(array, name);
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    let short = vec![vec![0.1; 3]; 16];
+    let wrong = Measurement::new(&grid, regions(&grid), short.clone(), &short);
+    assert!(matches!(wrong, Err(MeasurementError::WrongLength { expected: 256, found: 3, .. })));
 }
