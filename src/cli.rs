@@ -1,7 +1,7 @@
 //! The command line: arguments in, exit code out.
 
 use crate::commands::{
-    calibrate, capture, demo, export, init, merge, plan, report, solve, status, verify,
+    calibrate, capture, demo, doctor, export, import, init, merge, plan, report, solve, status, verify,
 };
 use crate::output::Done;
 use crate::Failure;
@@ -24,6 +24,8 @@ struct Cli {
 enum Command {
     /// Make a session on the simulated rig
     Init(init::Args),
+    /// Check this machine, and a session if one is named
+    Doctor(doctor::Args),
     /// Show what a capture takes, without touching hardware
     Plan(plan::Args),
     /// Take the pictures that are missing
@@ -31,6 +33,8 @@ enum Command {
     /// Find out where camera and projector are and what their codes mean
     #[command(subcommand)]
     Calibrate(calibrate::Args),
+    /// Make a session from pictures that another rig or a renderer took
+    Import(import::Args),
     /// Merge brackets to radiance
     Merge(merge::Args),
     /// Show which steps of a session are done and what comes next
@@ -101,9 +105,11 @@ pub fn main() -> ExitCode {
 fn run(command: Command) -> Result<Done, Failure> {
     match command {
         Command::Init(args) => init::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Capture(args) => capture::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Status(args) => status::run(&args),
         Command::Solve(args) => solve::run(&args),

@@ -11,17 +11,19 @@ pub struct Failure {
     pub hint: Option<String>,
     /// 2: wrong usage or input; 1: anything else.
     pub code: u8,
+    /// More for `--json`: an object whose keys stand beside `error` and `hint`.
+    pub details: Option<serde_json::Value>,
 }
 
 impl Failure {
     /// Wrong usage or input: exit code 2.
     pub fn input(error: impl ToString) -> Self {
-        Self { error: error.to_string(), hint: None, code: 2 }
+        Self { error: error.to_string(), hint: None, code: 2, details: None }
     }
 
     /// Something else: exit code 1.
     pub fn other(error: impl ToString) -> Self {
-        Self { error: error.to_string(), hint: None, code: 1 }
+        Self { error: error.to_string(), hint: None, code: 1, details: None }
     }
 
     /// The same failure with a way out.
@@ -35,7 +37,11 @@ impl Failure {
     }
 
     pub(crate) fn json(&self) -> serde_json::Value {
-        json!({ "error": self.error, "hint": self.hint })
+        let mut out = json!({ "error": self.error, "hint": self.hint });
+        if let (Some(out), Some(serde_json::Value::Object(more))) = (out.as_object_mut(), &self.details) {
+            out.extend(more.clone());
+        }
+        out
     }
 }
 

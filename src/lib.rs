@@ -1,8 +1,10 @@
 //! The pipeline from a session's frames to a material, and the command line over it.
 
+mod average;
 pub mod cli;
 mod commands;
 mod failure;
+mod manifest;
 mod measurement;
 mod output;
 mod report;

@@ -11,6 +11,11 @@ use crate::camera::{CameraModel, View};
 use crate::error::{CalibrationError, Result};
 use crate::pose::Pose;
 
+/// Version of the OpenCV library that the program runs with.
+pub fn opencv_version() -> String {
+    opencv::core::get_version_string().unwrap_or_else(|_| "version not told".into())
+}
+
 /// Until nothing moves any more; the count only stops a solver that runs in circles.
 pub(crate) fn until_settled() -> opencv::Result<TermCriteria> {
     TermCriteria::new(TermCriteria_EPS + TermCriteria_MAX_ITER, 2000, 1e-14)

@@ -32,6 +32,7 @@ pub use camera::{
     reprojection_rms,
 };
 pub use colour::{Patch, WhiteBalance, find_chart, white_balance};
+pub use cv::opencv_version;
 pub use debevec::recover_response;
 pub use error::{CalibrationError, Result};
 pub use exposure::{ExposureTable, exif_exposure_s, parse_seconds};

@@ -3,7 +3,9 @@
 pub(crate) mod calibrate;
 pub(crate) mod capture;
 pub(crate) mod demo;
+pub(crate) mod doctor;
 pub(crate) mod export;
+pub(crate) mod import;
 pub(crate) mod init;
 pub(crate) mod merge;
 pub(crate) mod plan;

@@ -93,7 +93,7 @@ impl Verdict {
         let mut figures = Vec::new();
         if let Some(e) = checked.heldout_rel_rms {
             let meaning = "relative RMS difference under patterns that were kept out of the fit";
-            figures.push(Figure::new("held-out patterns", meaning, e, [0.02, 0.10], true));
+            figures.push(Figure::new("held-out error", meaning, e, [0.02, 0.10], true));
         }
         let meaning = "Σ(L − L′)² / ΣL² over the fitted patterns";
         figures.push(Figure::new("fit", meaning, checked.fit, [2e-4, 1e-2], false));
@@ -148,6 +148,6 @@ mod tests {
     #[test]
     fn the_reason_names_figure_and_limit() {
         let verdict = Verdict::of(&checked(1e-4, Some(0.03), None));
-        assert_eq!(verdict.reason(), "held-out patterns is 3.00 %, above 2.00 %");
+        assert_eq!(verdict.reason(), "held-out error is 3.00 %, above 2.00 %");
     }
 }

@@ -1,0 +1,297 @@
+//! `diaphane doctor`: is this machine, and a session on it, fit for the work?
+
+use crate::Failure;
+use crate::commands::calibrate;
+use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
+use crate::commands::verify::{RESULT, Verification};
+use crate::measurement::{ARRAYS, Measured};
+use crate::output::Done;
+use crate::session::{RigConfig, Session};
+use material::{Material, hash_file};
+use rig::{Event, read_journal};
+use serde::Serialize;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Check this machine, and a session if one is named
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  diaphane doctor\n  diaphane doctor my-wax")]
+pub(crate) struct Args {
+    /// Folder of a session to check too
+    session: Option<PathBuf>,
+}
+
+/// How a check went.
+#[derive(Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum State {
+    Found,
+    /// The work goes on without it, or slower.
+    Note,
+    Missing,
+}
+
+#[derive(Serialize)]
+struct Check {
+    name: &'static str,
+    state: State,
+    found: String,
+    /// What to do about it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    advice: Option<String>,
+}
+
+impl Check {
+    fn found(name: &'static str, found: impl Into<String>) -> Self {
+        Self { name, state: State::Found, found: found.into(), advice: None }
+    }
+
+    fn note(name: &'static str, found: impl Into<String>, advice: &str) -> Self {
+        Self { state: State::Note, advice: Some(advice.into()), ..Self::found(name, found) }
+    }
+
+    fn missing(name: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { state: State::Missing, advice: Some(advice.into()), ..Self::found(name, found) }
+    }
+}
+
+/// What a demo wants, GiB: an acquisition on the simulated rig, solved in all channels.
+const MEMORY_GIB: f64 = 3.0;
+const DISK_GIB: f64 = 2.0;
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    // Without its session.toml there is nothing to check a session against.
+    let session = args.session.as_deref().map(Session::open).transpose()?;
+    let folder = args.session.clone().unwrap_or_else(|| PathBuf::from("."));
+    let mut checks = vec![
+        processor(),
+        memory(),
+        disk(&folder),
+        writable(&folder),
+        Check::found("OpenCV", calibration::opencv_version()),
+        graphics(),
+        Check::note(
+            "devices",
+            "the simulated rig",
+            "this version drives no cameras or projectors; pictures taken elsewhere come in with: diaphane import",
+        ),
+    ];
+    if let Some(session) = &session {
+        checks.extend(files(session));
+    }
+    let mut text = String::new();
+    for check in &checks {
+        let mark = match check.state {
+            State::Found => "found  ",
+            State::Note => "note   ",
+            State::Missing => "MISSING",
+        };
+        text += &format!("{mark}  {:14} {}\n", check.name, check.found);
+        if let Some(advice) = &check.advice {
+            text += &format!("{:25}{advice}\n", "");
+        }
+    }
+    let bad: Vec<&Check> = checks.iter().filter(|c| c.state == State::Missing).collect();
+    if let Some(first) = bad.first() {
+        eprint!("{text}");
+        let names: Vec<&str> = bad.iter().map(|c| c.name).collect();
+        let error = format!("{}: {}", names.join(", "), first.found);
+        return Err(Failure {
+            error,
+            hint: first.advice.clone(),
+            code: 1,
+            details: Some(json!({ "ready": false, "checks": checks })),
+        });
+    }
+    text += "ready";
+    Ok(Done::new(json!({ "ready": true, "checks": checks }), text))
+}
+
+fn processor() -> Check {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let found = format!("{} threads, {}", threads, std::env::consts::ARCH);
+    #[cfg(target_arch = "x86_64")]
+    {
+        let has = [
+            ("AVX2", std::is_x86_feature_detected!("avx2")),
+            ("FMA", std::is_x86_feature_detected!("fma")),
+            ("AVX-512F", std::is_x86_feature_detected!("avx512f")),
+        ];
+        let named: Vec<&str> = has.iter().filter(|(_, there)| *there).map(|(n, _)| *n).collect();
+        let found = format!("{found} with {}", named.join(", "));
+        if !(has[0].1 && has[1].1) {
+            return Check::note(
+                "processor",
+                found,
+                "without AVX2 and FMA the solver is several times slower",
+            );
+        }
+        Check::found("processor", found)
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    Check::found("processor", found)
+}
+
+fn memory() -> Check {
+    let available = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find(|l| l.starts_with("MemAvailable:"))?;
+        line.split_whitespace().nth(1)?.parse::<f64>().ok()
+    });
+    match available.map(|kib| kib / 1024.0 / 1024.0) {
+        Some(gib) if gib >= MEMORY_GIB => Check::found("memory", format!("{gib:.1} GiB available")),
+        Some(gib) => Check::note(
+            "memory",
+            format!("{gib:.1} GiB available"),
+            "a demo wants 3 GiB: close other programs, or solve on fewer cells",
+        ),
+        None => Check::note("memory", "not known on this system", "a demo wants 3 GiB"),
+    }
+}
+
+fn disk(folder: &Path) -> Check {
+    // POSIX output: one header line, then sizes in KiB; the fourth column is what is available.
+    let available = Command::new("df").arg("-Pk").arg(folder).output().ok().and_then(|out| {
+        let text = String::from_utf8_lossy(&out.stdout).into_owned();
+        text.lines().nth(1)?.split_whitespace().nth(3)?.parse::<f64>().ok()
+    });
+    let told = |gib: f64| format!("{gib:.1} GiB free at {}", folder.display());
+    match available.map(|kib| kib / 1024.0 / 1024.0) {
+        Some(gib) if gib >= DISK_GIB => Check::found("disk", told(gib)),
+        Some(gib) => Check::missing(
+            "disk",
+            told(gib),
+            "a demo wants 2 GiB: make room, or work in another folder",
+        ),
+        None => Check::note("disk", "not known on this system", "a demo wants 2 GiB"),
+    }
+}
+
+fn writable(folder: &Path) -> Check {
+    let probe = folder.join(format!(".diaphane-doctor-{}", std::process::id()));
+    let made = std::fs::OpenOptions::new().write(true).create_new(true).open(&probe);
+    let told = folder.display();
+    match made {
+        Ok(_) => match std::fs::remove_file(&probe) {
+            Ok(()) => Check::found("permission", format!("files can be written at {told}")),
+            Err(e) => Check::note(
+                "permission",
+                format!("{}: cannot be removed: {e}", probe.display()),
+                "remove it by hand",
+            ),
+        },
+        Err(e) => Check::missing(
+            "permission",
+            format!("no file can be written at {told}: {e}"),
+            "work in a folder of your own",
+        ),
+    }
+}
+
+fn graphics() -> Check {
+    let loader = Command::new("ldconfig")
+        .arg("-p")
+        .output()
+        .is_ok_and(|out| String::from_utf8_lossy(&out.stdout).contains("libvulkan.so.1"))
+        || ["/usr/lib", "/usr/local/lib", "/lib"]
+            .iter()
+            .any(|d| Path::new(d).join("libvulkan.so.1").exists());
+    let drivers = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
+        .iter()
+        .filter_map(|d| std::fs::read_dir(d).ok())
+        .flatten()
+        .count();
+    let device = std::fs::read_dir("/dev/dri").is_ok_and(|mut d| {
+        d.any(|e| e.is_ok_and(|e| e.file_name().to_string_lossy().starts_with("renderD")))
+    }) || Path::new("/dev/nvidia0").exists();
+    let yes = |there: bool| if there { "found" } else { "not found" };
+    let found = format!(
+        "Vulkan loader {}, {drivers} driver file(s), graphics device {} (looked for, not tried)",
+        yes(loader),
+        yes(device)
+    );
+    Check::note("graphics", found, "not needed: this version computes on the processor")
+}
+
+/// Every file that a session says it has.
+fn files(session: &Session) -> Vec<Check> {
+    let mut out = vec![Check::found(
+        "session.toml",
+        format!("{} readable", session.path("session.toml").display()),
+    )];
+    if matches!(session.config.rig, RigConfig::Simulated { .. }) {
+        out.push(frames(session));
+    }
+    let mut check = |name, file: &str, command: &str, read: &dyn Fn() -> Result<(), Failure>| {
+        let command = command.replace("SESSION", &session.folder().display().to_string());
+        out.push(match session.path(file).is_file() {
+            false => Check::note(
+                name,
+                format!("{file}: not there yet"),
+                &format!("make it with: {command}"),
+            ),
+            true => match read() {
+                Ok(()) => Check::found(name, format!("{file} readable")),
+                Err(e) => {
+                    Check::missing(name, e.error, format!("make it again: {command} --force"))
+                }
+            },
+        });
+    };
+    let measure = match session.config.rig {
+        RigConfig::Imported => "diaphane import SESSION --images DIR --manifest m.toml",
+        RigConfig::Simulated { .. } => {
+            check("calibration", calibrate::RESULT, "diaphane calibrate all SESSION", &|| {
+                calibrate::load(session).map(drop)
+            });
+            "diaphane merge SESSION"
+        }
+    };
+    check("measurement", ARRAYS, measure, &|| Measured::load(session).map(drop));
+    check("material", MATERIAL, "diaphane solve SESSION", &|| {
+        Material::load(&session.path(MATERIAL))?;
+        session.read_json::<Convergence>(CONVERGENCE, "diaphane solve SESSION").map(drop)
+    });
+    check("verification", RESULT, "diaphane verify SESSION", &|| {
+        session.read_json::<Verification>(RESULT, "diaphane verify SESSION").map(drop)
+    });
+    out
+}
+
+/// Every frame of the journal against its hash.
+fn frames(session: &Session) -> Check {
+    let command = format!("diaphane capture {}", session.folder().display());
+    let journal = match read_journal(&session.path("journal.jsonl")) {
+        Ok(journal) => journal,
+        Err(e) => {
+            return Check::missing(
+                "frames",
+                e.to_string(),
+                "move the journal away and capture again",
+            );
+        }
+    };
+    // A frame that was taken again has a later line.
+    let written: std::collections::BTreeMap<&str, &str> = journal
+        .entries
+        .iter()
+        .filter_map(|entry| match &entry.event {
+            Event::FrameWritten { file, blake3, .. } => Some((file.as_str(), blake3.as_str())),
+            _ => None,
+        })
+        .collect();
+    let differs =
+        |file: &str, hash: &str| hash_file(&session.path(file)).map_or(true, |h| h != hash);
+    let bad: Vec<&str> = written.iter().filter(|(f, h)| differs(f, h)).map(|(f, _)| *f).collect();
+    match bad.first() {
+        None if written.is_empty() => {
+            Check::note("frames", "none yet", &format!("take them with: {command}"))
+        }
+        None => Check::found("frames", format!("{} as the journal says", written.len())),
+        Some(first) => Check::missing(
+            "frames",
+            format!("{} of {} missing or changed, {first} first", bad.len(), written.len()),
+            format!("take them again: {command}"),
+        ),
+    }
+}
