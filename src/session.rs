@@ -92,6 +92,8 @@ pub(crate) struct PlanConfig {
     pub bracket_s: Vec<f64>,
     /// Exposures of chart and white sheet, seconds.
     pub reference_bracket_s: Vec<f64>,
+    /// Exposures of the chart for the camera's response, seconds, in uneven steps.
+    pub response_bracket_s: Vec<f64>,
     /// Exposure of a chessboard, seconds.
     pub board_exposure_s: f64,
     /// Poses of the chessboard.
@@ -106,6 +108,7 @@ impl Default for PlanConfig {
             regions: [4, 4],
             bracket_s: rig::bracket(1.0 / 30.0, 8.0, 9),
             reference_bracket_s: rig::bracket(1.0 / 30.0, 1.0, 6),
+            response_bracket_s: rig::uneven_bracket(1.0 / 30.0, 2.0, 14),
             board_exposure_s: 1.0 / 30.0,
             board_poses: 12,
             projector_board: Chessboard { columns: 8, rows: 5, square_px: 50, x0: 287, y0: 234 },
@@ -228,6 +231,7 @@ impl Session {
             regions: plan.regions,
             bracket_s: plan.bracket_s.clone(),
             reference_bracket_s: plan.reference_bracket_s.clone(),
+            response_bracket_s: plan.response_bracket_s.clone(),
             board_exposure_s: plan.board_exposure_s,
             poses: plan.board_poses,
             projector_board: plan.projector_board,

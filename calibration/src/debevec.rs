@@ -26,8 +26,13 @@ const PIXELS_PER_CODE: usize = 60;
 ///
 /// Where all times are powers of one ratio r, any ripple of period ln r over ln exposure fits
 /// every pixel, held out or not: only smoothness can remove it, so the smoothest is taken
-/// of the curves that are as good as the best.
-const ENOUGH: f64 = 1.15;
+/// of the curves that are nearly as good as the best. Uneven times tell the ripple apart.
+const ENOUGH_EVEN: f64 = 1.15;
+const ENOUGH_UNEVEN: f64 = 1.003;
+
+/// Knots below this one are extrapolated where the black level is known: the fit is linear in
+/// ln exposure between knots, which is off by 1/(8 k²), here 0.2 %.
+const FIRST_TRUSTED: usize = 8;
 
 /// Fits after the first, with its outliers weighed down. One only: more rounds drive the curve
 /// to stairs of one exposure ratio each, which fit best of all and are wrong.
@@ -42,6 +47,96 @@ pub fn recover_response(bracket: &[(Photo, f64)]) -> Result<Response> {
     let first = check_bracket(bracket)?;
     let curves = (0..first.channels).map(|channel| recover_channel(bracket, channel));
     Response::from_exposures(curves.collect::<Result<_>>()?)
+}
+
+/// As [`recover_response`] for a camera whose code without light is known, `black_code` DN.
+///
+/// What lies under the black level is no light, so the curve is sought over codes above black,
+/// where it starts from zero; close to black, where logarithms say little, it goes on as the
+/// parabola through zero that fits the next knots. The curve that is returned is over the
+/// camera's own codes, and its value at black is what a merge has to subtract.
+///
+/// # Errors
+/// As [`recover_response`], or a black level outside of the lower half of the range.
+pub fn recover_response_above(bracket: &[(Photo, f64)], black_code: f64) -> Result<Response> {
+    let first = check_bracket(bracket)?;
+    let full = f64::from(first.max_value);
+    if !(0.0..0.5 * full).contains(&black_code) {
+        return Err(CalibrationError::BadInput {
+            what: "black level".into(),
+            expected: format!("a code from 0 to {}", 0.5 * full),
+            found: black_code.to_string(),
+        });
+    }
+    let black = black_code.round() as u16;
+    let above = |(photo, time): &(Photo, f64)| {
+        let data = photo.data.iter().map(|v| v.saturating_sub(black)).collect();
+        (Photo { data, ..photo.clone() }, *time)
+    };
+    let shifted: Vec<(Photo, f64)> = bracket.iter().map(above).collect();
+    let offset = f64::from(black) / full * (KNOTS - 1) as f64;
+    let curves = (0..first.channels).map(|channel| {
+        let mut curve = recover_channel(&shifted, channel)?;
+        start_from_zero(&mut curve, first_seen(&shifted, channel));
+        Ok(over_own_codes(&curve, offset))
+    });
+    Response::from_exposures(curves.collect::<Result<_>>()?)
+}
+
+/// The first knot from [`FIRST_TRUSTED`] on that pictures have something to say about: a
+/// hundredth of the darkest picture's pixels is darker.
+fn first_seen(bracket: &[(Photo, f64)], channel: usize) -> usize {
+    let darkest = bracket.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((photo, _)) = darkest else { return FIRST_TRUSTED };
+    let mut codes: Vec<u16> =
+        photo.data.iter().skip(channel).step_by(photo.channels).copied().collect();
+    let place = codes.len() / 100;
+    let code = *codes.select_nth_unstable(place).1;
+    let knot = usize::from(code) * (KNOTS - 1) / usize::from(photo.max_value) + 2;
+    // Beyond an eighth of the range no parabola through zero stands for a response.
+    knot.clamp(FIRST_TRUSTED, KNOTS / 8)
+}
+
+/// Replaces the knots below `first` by a z + b z², fitted to twice as many knots above it.
+fn start_from_zero(curve: &mut [f64], first: usize) {
+    // Least squares of curve/z = a + b z over the next knots: weights 1/z², relative errors.
+    let knots = first..3 * first;
+    let n = knots.len() as f64;
+    let points = knots.map(|k| (k as f64, curve[k] / k as f64));
+    let (mut sz, mut sy, mut szz, mut szy) = (0.0, 0.0, 0.0, 0.0);
+    for (z, y) in points {
+        (sz, sy, szz, szy) = (sz + z, sy + y, szz + z * z, szy + z * y);
+    }
+    let b = (n * szy - sz * sy) / (n * szz - sz * sz);
+    let a = (sy - b * sz) / n;
+    // Only a curve that rises from zero on can be meant.
+    let rises = a > 0.0 && a + 2.0 * b * first as f64 > 0.0;
+    let (a, b) = if rises { (a, b) } else { (sy / n, 0.0) };
+    for (k, value) in curve.iter_mut().enumerate().take(first) {
+        *value = a * k as f64 + b * (k * k) as f64;
+    }
+}
+
+/// A curve over codes above black, resampled to knots of the camera's own codes; `offset` is the
+/// black level in knots. Exposures below black go on with the first slope, and all are lifted so
+/// that the lowest is zero.
+fn over_own_codes(curve: &[f64], offset: f64) -> Vec<f64> {
+    let last = curve.len() - 2;
+    let at = |z: f64| {
+        let k = (z.floor().max(0.0) as usize).min(last);
+        curve[k] + (curve[k + 1] - curve[k]) * (z - k as f64)
+    };
+    let lowest = at(-offset);
+    (0..curve.len()).map(|k| at(k as f64 - offset) - lowest).collect()
+}
+
+/// Whether all times are powers of one ratio, to a twentieth of a step.
+fn is_even(times: impl Iterator<Item = f64>) -> bool {
+    let mut logs: Vec<f64> = times.map(f64::ln).collect();
+    logs.sort_by(f64::total_cmp);
+    let steps: Vec<f64> = logs.windows(2).map(|w| w[1] - w[0]).filter(|s| *s > 0.05).collect();
+    let smallest = steps.iter().copied().fold(f64::INFINITY, f64::min);
+    steps.iter().all(|s| (s / smallest - (s / smallest).round()).abs() < 0.05)
 }
 
 fn check_bracket(bracket: &[(Photo, f64)]) -> Result<&Photo> {
@@ -95,16 +190,18 @@ fn recover_channel(bracket: &[(Photo, f64)], channel: usize) -> Result<Vec<f64>>
             found: format!("{} in channel {channel}", pixels.len()),
         });
     }
-    let mut curve = fit_curve(&pixels)?;
+    let even = is_even(bracket.iter().map(|(_, time)| *time));
+    let enough = if even { ENOUGH_EVEN } else { ENOUGH_UNEVEN };
+    let mut curve = fit_curve(&pixels, enough)?;
     for _ in 0..ROBUST_ROUNDS {
         reweigh(&mut pixels, &curve);
-        curve = fit_curve(&pixels)?;
+        curve = fit_curve(&pixels, enough)?;
     }
     Ok(curve.into_iter().map(f64::exp).collect())
 }
 
 /// g at the knots, g(0) = 0, with the smoothness that cross-validation allows.
-fn fit_curve(pixels: &[Vec<Sight>]) -> Result<Vec<f64>> {
+fn fit_curve(pixels: &[Vec<Sight>], enough: f64) -> Result<Vec<f64>> {
     let halves = [0, 1].map(|side| normal_equations(pixels.iter().skip(side).step_by(2)));
     let bend = curvature();
     let solve = |h: &DMatrix<f64>, b: &DVector<f64>, weight: f64, smooth: f64| {
@@ -121,7 +218,7 @@ fn fit_curve(pixels: &[Vec<Sight>]) -> Result<Vec<f64>> {
         trials.push((error, smooth));
     }
     let least = trials.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
-    let smooth = trials.iter().rfind(|t| t.0 <= ENOUGH * least).map_or(0.0, |t| t.1);
+    let smooth = trials.iter().rfind(|t| t.0 <= enough * least).map_or(0.0, |t| t.1);
     let [one, two] = &halves;
     let d = solve(&(&one.h + &two.h), &(&one.b + &two.b), one.weight + two.weight, smooth)?;
     let mut log = 0.0;

@@ -33,7 +33,7 @@ pub use camera::{
 };
 pub use colour::{Patch, WhiteBalance, find_chart, white_balance};
 pub use cv::opencv_version;
-pub use debevec::recover_response;
+pub use debevec::{recover_response, recover_response_above};
 pub use error::{CalibrationError, Result};
 pub use exposure::{ExposureTable, exif_exposure_s, parse_seconds};
 pub use exr_io::{read_exr, write_exr};

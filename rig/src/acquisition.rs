@@ -18,6 +18,8 @@ pub struct Acquisition {
     pub bracket_s: Vec<f64>,
     /// Exposure times of the chart and of the white sheet, seconds.
     pub reference_bracket_s: Vec<f64>,
+    /// Exposure times of the chart for the camera's response, seconds, in uneven steps.
+    pub response_bracket_s: Vec<f64>,
     /// Exposure time of a chessboard, printed or projected, seconds.
     pub board_exposure_s: f64,
     /// Poses of the chessboard.
@@ -42,6 +44,21 @@ pub fn bracket(shortest_s: f64, longest_s: f64, count: usize) -> Vec<f64> {
     (0..count).map(exposure).collect()
 }
 
+/// `count` exposure times from `shortest_s` to `longest_s` seconds in uneven steps.
+///
+/// For recovering a camera's response: where all times are powers of one ratio, a curve with a
+/// ripple of that period explains every picture as well as the true one does.
+pub fn uneven_bracket(shortest_s: f64, longest_s: f64, count: usize) -> Vec<f64> {
+    let steps = count.saturating_sub(1).max(1) as f64;
+    let exposure = |i: usize| {
+        // A third of a step to either side, by the sine of a square: no period, no order lost.
+        let wobble = 0.33 * (2.4 * (i * i) as f64).sin();
+        let place = ((i as f64 + wobble) / steps).clamp(0.0, 1.0);
+        shortest_s * (longest_s / shortest_s).powf(place)
+    };
+    (0..count).map(exposure).collect()
+}
+
 impl Acquisition {
     /// Boards in every pose, boards in the planes of the faces, the chart, and the white
     /// sheet that defines irradiance 1.
@@ -51,6 +68,7 @@ impl Acquisition {
             purpose,
             exposures_s: match purpose {
                 Purpose::Geometry => vec![self.board_exposure_s],
+                Purpose::Response => self.response_bracket_s.clone(),
                 _ => self.reference_bracket_s.clone(),
             },
             repeats: self.repeats,
@@ -84,6 +102,7 @@ impl Acquisition {
                 Pattern::White,
             ));
         }
+        shots.push(shot("response".into(), Purpose::Response, Target::Chart, Pattern::White));
         shots.push(shot("chart".into(), Purpose::Colour, Target::Chart, Pattern::White));
         shots.push(shot("chart-black".into(), Purpose::Colour, Target::Chart, Pattern::Black));
         let sheet = Target::FaceSheet { face: self.lit_face };

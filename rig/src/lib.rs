@@ -12,7 +12,7 @@ mod plan;
 mod render;
 mod runner;
 
-pub use acquisition::{Acquisition, bracket};
+pub use acquisition::{Acquisition, bracket, uneven_bracket};
 pub use device::{
     Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Rig, Target,
 };

@@ -12,6 +12,7 @@ fn standard(lit_face: Face) -> Acquisition {
         regions: [4, 4],
         bracket_s: bracket(1.0 / 30.0, 8.0, 9),
         reference_bracket_s: vec![0.1, 1.0],
+        response_bracket_s: vec![0.1, 0.25, 1.0],
         board_exposure_s: 0.1,
         poses: 6,
         projector_board: Chessboard { columns: 9, rows: 6, square_px: 64, x0: 100, y0: 80 },

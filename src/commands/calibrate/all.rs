@@ -7,7 +7,7 @@ use calibration::{
     Board, CalibrationError, CameraCalibration, CameraModel, FacePlane, HdrImage, NoiseModel,
     Photo, Pose, ProjectorCalibration, ProjectorView, Response, View, WhiteBalance,
     calibrate_camera, calibrate_projector, find_board, find_chart, merge, pose_from_points,
-    recover_response, rectify, reprojection_rms, white_balance,
+    recover_response_above, rectify, reprojection_rms, white_balance,
 };
 use material::{Face, Overwrite};
 use rig::{Chessboard, frame_path, read_frame};
@@ -158,8 +158,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     let front = FacePlane { device: camera.model, pose, z_mm: 0.0 };
 
     progress.set(3, "response");
-    let chart = bracket(session, "chart")?;
-    let response = recover_response(&chart)?;
+    let response = recover_response_above(&response_bracket(session)?, noise.black_level)?;
 
     progress.set(4, "white");
     let merged = |shot: &str| -> Result<HdrImage, Failure> {
@@ -221,10 +220,11 @@ pub(crate) fn frame_photo(session: &Session, shot: &str, exposure: usize) -> Res
     })
 }
 
-/// All exposures of a reference shot.
-fn bracket(session: &Session, shot: &str) -> Result<Vec<(Photo, f64)>, Failure> {
-    let times = &session.config.plan.reference_bracket_s;
-    times.iter().enumerate().map(|(e, t)| Ok((frame_photo(session, shot, e)?, *t))).collect()
+/// The pictures that the camera's response is recovered from.
+fn response_bracket(session: &Session) -> Result<Vec<(Photo, f64)>, Failure> {
+    let times = &session.config.plan.response_bracket_s;
+    let frame = |(e, t): (usize, &f64)| Ok((frame_photo(session, "response", e)?, *t));
+    times.iter().enumerate().map(frame).collect()
 }
 
 /// Merges the bracket of a shot, one frame at a time.
