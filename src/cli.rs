@@ -1,7 +1,7 @@
 //! The command line: arguments in, exit code out.
 
 use crate::commands::{
-    calibrate, capture, demo, doctor, export, import, init, merge, plan, report, solve, status, verify,
+    calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report, solve, status, verify,
 };
 use crate::output::Done;
 use crate::Failure;
@@ -47,6 +47,8 @@ enum Command {
     Export(export::Args),
     /// Write one page about a session: how good it is, what it looks like, where it comes from
     Report(report::Args),
+    /// Solve the forward problem of a file of coefficients
+    Forward(forward::Args),
     /// Acquire a material on the simulated rig, from nothing to a report
     Demo(demo::Args),
 }
@@ -116,6 +118,7 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Verify(args) => verify::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Forward(args) => forward::run(&args),
         Command::Demo(args) => demo::run(&args),
     }
 }

@@ -5,6 +5,7 @@ pub(crate) mod capture;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod export;
+pub(crate) mod forward;
 pub(crate) mod import;
 pub(crate) mod init;
 pub(crate) mod merge;
