@@ -55,6 +55,15 @@ impl From<material::FileError> for Failure {
     }
 }
 
+impl From<calibration::CalibrationError> for Failure {
+    fn from(error: calibration::CalibrationError) -> Self {
+        match error {
+            calibration::CalibrationError::File(error) => error.into(),
+            error => Self::input(error),
+        }
+    }
+}
+
 macro_rules! from_input {
     ($($error:ty),* $(,)?) => {
         $(impl From<$error> for Failure {
@@ -66,7 +75,6 @@ macro_rules! from_input {
 }
 // What these report is always in what was given: a file, a picture, a setting.
 from_input!(
-    calibration::CalibrationError,
     diffusion::IlluminationError,
     diffusion::MeasurementError,
     diffusion::MediumError,

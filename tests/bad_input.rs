@@ -1,0 +1,224 @@
+//! What people get wrong ends in a clear error: exit code 2, the file's name, the way out, and
+//! nothing overwritten.
+
+mod common;
+
+use common::{Run, diaphane};
+use std::path::Path;
+use tempfile::{TempDir, tempdir};
+
+/// A refusal: exit code 2, with an error that tells all of `told`.
+#[track_caller]
+fn refused(run: &Run, told: &[&str]) {
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    let error = run.json["error"].as_str().expect("a key `error`");
+    assert!(run.json.get("hint").is_some(), "a key `hint`: {}", run.json);
+    for word in told {
+        assert!(error.contains(word), "{error:?} does not tell {word:?}");
+    }
+}
+
+/// As [`refused`], with a way out.
+#[track_caller]
+fn refused_with_hint(run: &Run, told: &[&str], hint: &str) {
+    refused(run, told);
+    let found = run.json["hint"].as_str().unwrap_or_default();
+    assert!(found.contains(hint), "hint {found:?} does not tell {hint:?}");
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A session without pictures.
+fn fresh() -> (TempDir, String) {
+    let folder = tempdir().unwrap();
+    let session = text(&folder.path().join("wax")).to_owned();
+    assert_eq!(diaphane(["init", &session]).code, 0);
+    (folder, session)
+}
+
+fn flat_png(path: &Path, level: u8) {
+    image::GrayImage::from_pixel(64, 48, image::Luma([level])).save(path).unwrap();
+}
+
+#[test]
+fn wrong_usage() {
+    refused_with_hint(&diaphane(["solvee"]), &["solvee"], "--help");
+    refused_with_hint(&diaphane(["solve"]), &["SESSION"], "--help");
+    refused_with_hint(&diaphane(["solve", "a", "--lambda", "many"]), &["many"], "--help");
+    refused_with_hint(&diaphane(["merge", "a", "--images", "b"]), &["--images"], "--help");
+    let (_folder, session) = fresh();
+    refused(
+        &diaphane(["calibrate", "camera", "--images", &session, "--board", "9", "--square", "25"]),
+        &["9"],
+    );
+    refused(
+        &diaphane([
+            "calibrate",
+            "camera",
+            "--images",
+            &session,
+            "--board",
+            "9x6",
+            "--square",
+            "-1",
+        ]),
+        &["-1"],
+    );
+}
+
+#[test]
+fn folders_that_are_empty_or_not_there() {
+    let folder = tempdir().unwrap();
+    let empty = text(folder.path());
+    let camera = |images: &str| {
+        diaphane(["calibrate", "camera", "--images", images, "--board", "9x6", "--square", "25"])
+    };
+    refused(&camera(empty), &[empty]);
+    refused(&diaphane(["merge", "--images", empty]), &[empty]);
+    let none = text(&folder.path().join("none")).to_owned();
+    refused(&camera(&none), &["none"]);
+    for command in ["status", "plan", "capture", "solve", "verify", "export", "report", "doctor"] {
+        refused_with_hint(&diaphane([command, &none]), &["session.toml"], "diaphane init");
+    }
+}
+
+#[test]
+fn pictures_that_are_damaged() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("cut.png");
+    flat_png(&path, 100);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let images = text(folder.path());
+    refused(
+        &diaphane(["calibrate", "camera", "--images", images, "--board", "9x6", "--square", "25"]),
+        &["cut.png"],
+    );
+    let table = folder.path().join("times.txt");
+    std::fs::write(&table, "cut.png 0.5\n").unwrap();
+    refused(&diaphane(["merge", "--images", images, "--exposures", text(&table)]), &["cut.png"]);
+}
+
+#[test]
+fn boards_that_nobody_sees() {
+    let folder = tempdir().unwrap();
+    for i in 0..4 {
+        flat_png(&folder.path().join(format!("{i}.png")), 100 + i);
+    }
+    let run = diaphane([
+        "calibrate",
+        "camera",
+        "--images",
+        text(folder.path()),
+        "--board",
+        "9x6",
+        "--square",
+        "25",
+    ]);
+    refused(&run, &["3", "0"]);
+    assert!(run.stderr.contains("0.png"), "each picture without a board is named: {}", run.stderr);
+}
+
+#[test]
+fn brackets_that_cannot_be_merged() {
+    let folder = tempdir().unwrap();
+    flat_png(&folder.path().join("a.png"), 100);
+    let images = text(folder.path()).to_owned();
+    let output = tempdir().unwrap();
+    let exr = output.path().join("out.exr");
+    let table = output.path().join("times.txt");
+    let merge = || {
+        diaphane([
+            "merge",
+            "--images",
+            &images,
+            "--exposures",
+            text(&table),
+            "--output",
+            text(&exr),
+        ])
+    };
+    // PNG has no EXIF: the way out is a table.
+    refused_with_hint(&diaphane(["merge", "--images", &images]), &["a.png"], "--exposures");
+    std::fs::write(&table, "a.png 0.5\n").unwrap();
+    refused(&merge(), &["two", "1"]);
+    flat_png(&folder.path().join("b.png"), 200);
+    refused_with_hint(&merge(), &["b.png"], "b.png SECONDS");
+    std::fs::write(&table, "a.png 0.5\nb.png 0.5\n").unwrap();
+    refused(&merge(), &["0.5"]);
+    std::fs::write(&table, "a.png 0.5\nb.png soon\n").unwrap();
+    refused(&merge(), &["times.txt", "line 2", "soon"]);
+    assert!(!exr.exists());
+}
+
+#[test]
+fn sessions_of_another_time() {
+    let (_folder, session) = fresh();
+    let path = Path::new(&session).join("session.toml");
+    let good = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, good.replacen("version = 1", "version = 99\nmood = \"new\"", 1)).unwrap();
+    refused_with_hint(&diaphane(["status", &session]), &["session.toml", "99", "newer"], "update");
+    std::fs::write(&path, good.replacen("eta = ", "etta = ", 1)).unwrap();
+    refused(&diaphane(["status", &session]), &["session.toml", "etta"]);
+    std::fs::write(&path, &good[..good.len() / 2]).unwrap();
+    refused(&diaphane(["status", &session]), &["session.toml"]);
+}
+
+#[test]
+fn steps_that_were_left_out() {
+    let (_folder, session) = fresh();
+    let told = |run: Run, file: &str, command: &str| {
+        refused_with_hint(&run, &[file, "not there yet"], &format!("{command} {session}"));
+    };
+    told(diaphane(["calibrate", "all", &session]), "board-01", "diaphane capture");
+    told(diaphane(["merge", &session]), "calibration.json", "diaphane calibrate all");
+    told(diaphane(["solve", &session]), "measurement.npz", "diaphane merge");
+    told(diaphane(["export", &session]), "material.diaphane", "diaphane solve");
+    let status = diaphane(["status", &session]);
+    assert_eq!(status.json["next"]["command"], format!("diaphane capture {session}"));
+    // A report tells what there is.
+    let report = diaphane(["report", &session]);
+    assert_eq!(report.code, 0, "{}", report.stderr);
+    assert!(report.json["missing"].as_array().unwrap().len() > 3);
+    let page = std::fs::read_to_string(Path::new(&session).join("report/report.html")).unwrap();
+    assert!(page.contains("not finished") && page.contains("diaphane capture"));
+}
+
+#[test]
+fn damaged_materials() {
+    let (_folder, session) = fresh();
+    let material = Path::new(&session).join("material/material.diaphane");
+    std::fs::create_dir_all(material.parent().unwrap()).unwrap();
+    for content in [&b""[..], b"no material", &[0; 4096]] {
+        std::fs::write(&material, content).unwrap();
+        refused(&diaphane(["export", &session]), &["material.diaphane"]);
+        refused(&diaphane(["report", &session]), &["material.diaphane"]);
+        let doctor = diaphane(["doctor", &session]);
+        assert_eq!((doctor.code, &doctor.json["ready"]), (1, &false.into()), "{}", doctor.stderr);
+        assert!(doctor.json["error"].as_str().unwrap().contains("material.diaphane"));
+        assert!(doctor.json["hint"].as_str().unwrap().contains("diaphane solve"));
+    }
+}
+
+#[test]
+fn nothing_finished_is_overwritten() {
+    let (_folder, session) = fresh();
+    let path = Path::new(&session).join("session.toml");
+    let before = std::fs::read(&path).unwrap();
+    let again = ["init", &session, "--sample", "stone"];
+    refused_with_hint(&diaphane(again), &["session.toml"], "--force");
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+    assert_eq!(diaphane(again.into_iter().chain(["--force"])).code, 0);
+    assert_ne!(std::fs::read(&path).unwrap(), before);
+
+    let page = Path::new(&session).join("report/report.html");
+    assert_eq!(diaphane(["report", &session]).code, 0);
+    std::fs::write(&page, "mine").unwrap();
+    refused_with_hint(&diaphane(["report", &session]), &["report.html"], "--force");
+    assert_eq!(std::fs::read(&page).unwrap(), b"mine");
+    assert_eq!(diaphane(["report", &session, "--force"]).code, 0);
+    assert_ne!(std::fs::read(&page).unwrap(), b"mine");
+    refused_with_hint(&diaphane(["demo", "--out", &session]), &["another session"], "--out");
+}
