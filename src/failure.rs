@@ -38,7 +38,9 @@ impl Failure {
 
     pub(crate) fn json(&self) -> serde_json::Value {
         let mut out = json!({ "error": self.error, "hint": self.hint });
-        if let (Some(out), Some(serde_json::Value::Object(more))) = (out.as_object_mut(), &self.details) {
+        if let (Some(out), Some(serde_json::Value::Object(more))) =
+            (out.as_object_mut(), &self.details)
+        {
             out.extend(more.clone());
         }
         out
@@ -105,9 +107,8 @@ from_other!(
 impl From<rig::RunError> for Failure {
     fn from(error: rig::RunError) -> Self {
         match error {
-            rig::RunError::Device { .. } => {
-                Self::other(error).hint("mend the device and run the same command again: nothing is lost")
-            }
+            rig::RunError::Device { .. } => Self::other(error)
+                .hint("mend the device and run the same command again: nothing is lost"),
             error => Self::input(error),
         }
     }

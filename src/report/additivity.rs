@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_sum_is_found_and_compared() {
-        let patterns = vec![
+        let patterns = [
             pattern("left", false, &[1.0, 1.0, 0.0, 0.0], 1.0),
             pattern("right", false, &[0.0, 0.0, 2.0, 1.0], 1.0),
             // Its own picture is half of 0.2 + irradiance, what the two together have.
