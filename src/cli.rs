@@ -1,10 +1,11 @@
 //! The command line: arguments in, exit code out.
 
+use crate::Failure;
 use crate::commands::{
-    calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report, solve, status, verify,
+    calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report, solve,
+    status, verify,
 };
 use crate::output::Done;
-use crate::Failure;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};

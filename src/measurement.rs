@@ -1,7 +1,7 @@
 //! What the solver works from: radiance and irradiance on the sample's grid, one map a pattern.
 
-use crate::session::Session;
 use crate::Failure;
+use crate::session::Session;
 use material::{Face, Overwrite, npz};
 use rig::Purpose;
 use serde::{Deserialize, Serialize};
@@ -58,9 +58,8 @@ impl Measured {
         let flat = |pick: &dyn Fn(&MeasuredPattern) -> Vec<f32>| -> Vec<f32> {
             self.patterns.iter().flat_map(pick).collect()
         };
-        let narrow = |maps: &[Vec<f64>]| -> Vec<f32> {
-            maps.iter().flatten().map(|v| *v as f32).collect()
-        };
+        let narrow =
+            |maps: &[Vec<f64>]| -> Vec<f32> { maps.iter().flatten().map(|v| *v as f32).collect() };
         let radiance = flat(&|p| narrow(&p.radiance));
         let variance = flat(&|p| narrow(&p.variance));
         let irradiance = flat(&|p| p.irradiance.iter().map(|v| *v as f32).collect());
@@ -80,7 +79,9 @@ impl Measured {
 
     pub fn load(session: &Session) -> Result<Self, Failure> {
         let make = match session.config.rig {
-            crate::session::RigConfig::Imported => "diaphane import SESSION --images DIR --manifest m.toml",
+            crate::session::RigConfig::Imported => {
+                "diaphane import SESSION --images DIR --manifest m.toml"
+            }
             _ => "diaphane merge SESSION",
         };
         let arrays = session.required(ARRAYS, make)?;
@@ -136,8 +137,8 @@ pub(crate) fn mask_lit(
     for y in 0..ny {
         for x in 0..nx {
             let near = |v: usize, n: usize| v.saturating_sub(1)..(v + 2).min(n);
-            let lit = near(y, ny)
-                .any(|yy| near(x, nx).any(|xx| irradiance[yy * nx + xx] > threshold));
+            let lit =
+                near(y, ny).any(|yy| near(x, nx).any(|xx| irradiance[yy * nx + xx] > threshold));
             if lit {
                 variance.iter_mut().for_each(|map| map[y * nx + x] = f64::INFINITY);
             }

@@ -35,7 +35,8 @@ impl Progress {
     /// `total` 0: nobody knows how much there is.
     pub fn new(label: &str, total: usize) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
+            let bar =
+                ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
             let template = if total > 0 {
                 "{prefix:16} [{bar:30}] {pos}/{len} {msg} ({eta} left)"
             } else {

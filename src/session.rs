@@ -183,8 +183,9 @@ impl Session {
     pub fn result(&self, relative: &str) -> Result<PathBuf, Failure> {
         let path = self.path(relative);
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)
-                .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", folder.display())))?;
+            std::fs::create_dir_all(folder).map_err(|e| {
+                Failure::other(format!("{}: cannot be made: {e}", folder.display()))
+            })?;
         }
         Ok(path)
     }

@@ -13,7 +13,9 @@ use std::time::Duration;
 /// Take the pictures that are missing: first those for the calibration, then, once that is
 /// solved, those of the sample
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  diaphane capture my-wax && diaphane calibrate all my-wax && diaphane capture my-wax")]
+#[command(
+    after_help = "Example:\n  diaphane capture my-wax && diaphane calibrate all my-wax && diaphane capture my-wax"
+)]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
@@ -35,7 +37,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             "calibration pictures: {} taken, {} were there\nnext: diaphane calibrate all {folder}, then capture again",
             calibration.taken, calibration.kept
         );
-        let json = json!({ "taken": calibration.taken, "kept": calibration.kept, "next": "calibrate" });
+        let json =
+            json!({ "taken": calibration.taken, "kept": calibration.kept, "next": "calibrate" });
         return Ok(Done::new(json, text));
     }
     let sample = sample_pictures(&session, &mut rig)?;

@@ -4,8 +4,8 @@ use crate::Failure;
 use crate::commands::verify::load_material;
 use crate::output::Done;
 use crate::session::Session;
-use material::mitsuba::{self, Impossible};
 use material::Overwrite;
+use material::mitsuba::{self, Impossible};
 use serde_json::json;
 use std::path::PathBuf;
 

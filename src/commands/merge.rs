@@ -53,7 +53,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
                 session.path(ARRAYS).display(),
                 session.folder().display()
             );
-            let json = json!({ "output": session.path(ARRAYS), "patterns": measured.patterns.len() });
+            let json =
+                json!({ "output": session.path(ARRAYS), "patterns": measured.patterns.len() });
             Ok(Done::new(json, text))
         }
         (None, Some(images)) => folder(images, args, overwrite),
@@ -65,7 +66,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measured, Failure> {
     session.refuse_existing(ARRAYS, overwrite)?;
     let RigConfig::Simulated { noise, .. } = &session.config.rig else {
-        return Err(Failure::input("the pictures of this session were imported, and measured then"));
+        return Err(Failure::input(
+            "the pictures of this session were imported, and measured then",
+        ));
     };
     let found = calibrate::load(session)?;
     let plan = session.acquisition().capture_plan();

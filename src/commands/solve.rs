@@ -23,7 +23,9 @@ pub(crate) const CONVERGENCE: &str = "material/convergence.json";
 
 /// Find κ and μ of every voxel
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  diaphane solve my-wax\n  diaphane solve my-wax --method paper --lambda 1e-5")]
+#[command(
+    after_help = "Examples:\n  diaphane solve my-wax\n  diaphane solve my-wax --method paper --lambda 1e-5"
+)]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
@@ -101,7 +103,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             c.channel, c.fit, c.lambda, c.gradient_evaluations, c.linear_solves
         );
     }
-    let sum = |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
+    let sum =
+        |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
     text += &format!(
         "fit {:.2e} in {:.1} s: {}\nnext: diaphane verify {}",
         result.fit,
@@ -145,8 +148,10 @@ pub(crate) fn solve(
     for (c, name) in measured.channels.iter().enumerate() {
         let radiance: Vec<Vec<f64>> = fitted.iter().map(|p| p.radiance[c].clone()).collect();
         let variance: Vec<Vec<f64>> = fitted.iter().map(|p| p.variance[c].clone()).collect();
-        let measurement = Measurement::new(&grid, light.clone(), radiance, &variance)
-            .map_err(|e| Failure::input(format!("{}, channel {name}: {e}", session.path(ARRAYS).display())))?;
+        let measurement =
+            Measurement::new(&grid, light.clone(), radiance, &variance).map_err(|e| {
+                Failure::input(format!("{}, channel {name}: {e}", session.path(ARRAYS).display()))
+            })?;
         let mut progress = Progress::new(&format!("solve {name}"), 0);
         let mut observe = |p: &diffusion::Progress| {
             let stage = match p.stage {

@@ -100,7 +100,11 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
         let sum = &mut sums[usize::from(pattern.held_out)];
         *sum = (sum.0 + error, sum.1 + energy);
         let rel_rms = if energy > 0.0 { (error / energy).sqrt() } else { 0.0 };
-        patterns.push(PatternError { name: pattern.name.clone(), held_out: pattern.held_out, rel_rms });
+        patterns.push(PatternError {
+            name: pattern.name.clone(),
+            held_out: pattern.held_out,
+            rel_rms,
+        });
     }
     let [(error, energy), (held_error, held_energy)] = sums;
     let by_channel = against_truth(session, &material)?;

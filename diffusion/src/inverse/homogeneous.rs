@@ -15,6 +15,11 @@ pub(crate) struct Start {
 /// a few percent, less than the block's own variation.
 const STEPS: [f64; 5] = [1.2, 0.6, 0.3, 0.15, 0.07];
 
+/// The least 3κμ of a start: an albedo of 0.999. The best homogeneous block of a bright, veined
+/// sample may well be one that absorbs nothing; but ∂J/∂log μ = μ ∂J/∂μ, so from there log μ would
+/// never move again.
+const LEAST_ABSORPTION: f64 = 1e-3;
+
 /// Descends in log κ and log μ by a compass search: two unknowns, a smooth misfit, and one
 /// forward solve a try, warm-started from the last. What is minimised is the plain fit: dark
 /// pixels say little about two numbers, and the discretisation shows most there. A block about ten mean free paths thick
@@ -27,7 +32,7 @@ pub(crate) fn fit<S: LinearSolver>(
     let mut u = [(thickness / 30.0).ln(), (0.03 / thickness).ln()];
     let count = data.measurement.data().max(1) as f64;
     let mut value = |u: [f64; 2]| -> Result<f64, InverseError> {
-        let (grid, kappa, mu) = (data.grid, u[0].exp(), u[1].exp());
+        let (grid, [kappa, mu]) = (data.grid, coefficients(u));
         let medium = Medium::homogeneous(grid, kappa, mu)
             .map_err(|e| InverseError::Optimiser(e.to_string()))?;
         let misfit = data.evaluate(medium, false)?;
@@ -60,5 +65,12 @@ pub(crate) fn fit<S: LinearSolver>(
             }
         }
     }
-    Ok(Start { kappa_mm: u[0].exp(), mu_per_mm: u[1].exp() })
+    let [kappa_mm, mu_per_mm] = coefficients(u);
+    Ok(Start { kappa_mm, mu_per_mm })
+}
+
+/// κ and μ from their logarithms.
+fn coefficients([log_kappa, log_mu]: [f64; 2]) -> [f64; 2] {
+    let kappa = log_kappa.exp();
+    [kappa, log_mu.exp().max(LEAST_ABSORPTION / (3.0 * kappa))]
 }

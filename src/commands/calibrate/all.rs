@@ -206,7 +206,11 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
 }
 
 /// The frame of a shot at one exposure, as a photo that carries the shot's name.
-pub(crate) fn frame_photo(session: &Session, shot: &str, exposure: usize) -> Result<Photo, Failure> {
+pub(crate) fn frame_photo(
+    session: &Session,
+    shot: &str,
+    exposure: usize,
+) -> Result<Photo, Failure> {
     let command = "diaphane capture SESSION";
     let path = session.required(&frame_path(shot, exposure, 0), command)?;
     let (frame, _) = read_frame(&path)?;
@@ -293,7 +297,12 @@ fn projected_view(
             projector_pixels.push(lit_by);
         }
     }
-    Ok(ProjectorView { name: photo.name.clone(), board_pose: plane, board_points, projector_pixels })
+    Ok(ProjectorView {
+        name: photo.name.clone(),
+        board_pose: plane,
+        board_points,
+        projector_pixels,
+    })
 }
 
 fn flipped(photo: &Photo) -> Photo {
@@ -309,14 +318,19 @@ fn flipped(photo: &Photo) -> Photo {
 }
 
 /// Sample frame to camera frame, from the board that lay on the front face's plane, centred.
-fn face_pose(session: &Session, camera: &CameraModel, board: &Board) -> Result<(Pose, f64), Failure> {
+fn face_pose(
+    session: &Session,
+    camera: &CameraModel,
+    board: &Board,
+) -> Result<(Pose, f64), Failure> {
     let photo = frame_photo(session, "face-board-front", 0)?;
     let [width, height, _] = session.config.sample.grid.size_mm();
     let half = |n: usize| (n as f64 - 1.0) * board.square_mm / 2.0;
     let (x0, y0) = (width / 2.0 - half(board.columns), height / 2.0 - half(board.rows));
     let object_points =
         board.object_points().into_iter().map(|[x, y, z]| [x + x0, y + y0, z]).collect();
-    let view = View { name: photo.name.clone(), image_points: find_board(&photo, board)?, object_points };
+    let view =
+        View { name: photo.name.clone(), image_points: find_board(&photo, board)?, object_points };
     let pose = pose_from_points(camera, &view)?;
     Ok((pose, reprojection_rms(camera, &pose, &view)))
 }

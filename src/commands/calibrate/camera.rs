@@ -8,7 +8,9 @@ use std::path::PathBuf;
 
 /// Calibrate a camera from a folder of photographs of a chessboard
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  diaphane calibrate camera --images photos --board 9x6 --square 25")]
+#[command(
+    after_help = "Example:\n  diaphane calibrate camera --images photos --board 9x6 --square 25"
+)]
 pub(crate) struct Args {
     /// Folder of photographs (png, jpg, tif)
     #[arg(long)]
