@@ -95,7 +95,8 @@ impl Measured {
                 arrays.display(),
                 grid.cells()
             );
-            return Err(Failure::input(error).hint("measure again: diaphane merge SESSION --force"));
+            let make = make.replace("SESSION", &session.folder().display().to_string());
+            return Err(Failure::input(error).hint(format!("measure again: {make} --force")));
         }
         let mut npz = npz::NpzReader::open(&arrays)?;
         let radiance = npz.shaped("radiance", &[m, c, ny, nx])?;

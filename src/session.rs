@@ -116,6 +116,43 @@ impl Default for PlanConfig {
     }
 }
 
+/// Most cells of a grid: 512³, some 20 GB of work space.
+const MOST_CELLS: usize = 1 << 27;
+
+impl Config {
+    /// What is written by hand may be anything.
+    fn check(&self) -> Result<(), String> {
+        let plan = &self.plan;
+        if self.sample.grid.len() > MOST_CELLS {
+            return Err(format!(
+                "sample.grid: at most {MOST_CELLS} cells, found {}",
+                self.sample.grid.len()
+            ));
+        }
+        if plan.regions.iter().any(|n| !(1..=64).contains(n)) {
+            return Err(format!("plan.regions: from 1 to 64 each, found {:?}", plan.regions));
+        }
+        if plan.board_poses > 1000 {
+            return Err(format!("plan.board_poses: at most 1000, found {}", plan.board_poses));
+        }
+        let shown = &plan.projector_board;
+        if (shown.columns + shown.rows).is_multiple_of(2) {
+            return Err(format!(
+                "plan.projector_board: one side must be odd and one even, so that a half turn shows; found {} x {}",
+                shown.columns, shown.rows
+            ));
+        }
+        if let RigConfig::Simulated { board, .. } = &self.rig {
+            calibration::Board::parse(
+                &format!("{}x{}", board.columns, board.rows),
+                board.square_mm,
+            )
+            .map_err(|e| format!("rig.{e}"))?;
+        }
+        Ok(())
+    }
+}
+
 /// An open session.
 pub(crate) struct Session {
     folder: PathBuf,
@@ -156,7 +193,8 @@ impl Session {
             );
             return Err(Failure::input(error).hint("update Diaphane"));
         }
-        let config = toml::from_str(&text).map_err(bad)?;
+        let config: Config = toml::from_str(&text).map_err(bad)?;
+        config.check().map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
         Ok(Self { folder: folder.into(), config })
     }
 

@@ -29,7 +29,7 @@ pub struct SampleSpec {
 
 /// Waves summed into one cloud: enough that no direction stands out.
 const WAVES: usize = 24;
-/// Balls of a stone in each 1000 reduced mean free paths cubed.
+/// Balls of a stone: about a sixth of the block is ball.
 const BALLS: usize = 14;
 
 impl SampleSpec {

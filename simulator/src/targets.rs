@@ -73,7 +73,7 @@ pub(crate) struct FlatTarget {
 enum Print {
     Board { square: f64 },
     Sheet { half_width: f64 },
-    Chart { pitch: f64, patches: [ChartPatch; 24] },
+    Chart { pitch: f64, patches: Box<[ChartPatch; 24]> },
 }
 
 impl FlatTarget {
@@ -111,7 +111,7 @@ impl FlatTarget {
                 Self { origin: middle(face_z(face)), axes: upright, print }
             }
             Target::Chart => {
-                let print = Print::Chart { pitch: unit / 6.6, patches: chart_patches() };
+                let print = Print::Chart { pitch: unit / 6.6, patches: Box::new(chart_patches()) };
                 Self { origin: middle(0.0), axes: upright, print }
             }
         })

@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// Exposure times, where EXIF does not tell: lines of "file-name seconds"
     #[arg(long, requires = "images")]
     exposures: Option<PathBuf>,
-    /// The EXR to write
+    /// The EXR to write; merged.exr beside the photographs if not given
     #[arg(long, requires = "images")]
     output: Option<PathBuf>,
     /// Replace results that are there
@@ -74,6 +74,17 @@ pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measure
     let plan = session.acquisition().capture_plan();
     let grid = &session.config.sample.grid;
     let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
+    if found.irradiance.len() != nx * ny {
+        let error = format!(
+            "calibration/calibration.json: holds {} cells of the lit face, session.toml has a grid of {nx} × {ny}",
+            found.irradiance.len()
+        );
+        let hint = format!(
+            "calibrate again: diaphane calibrate all {} --force",
+            session.folder().display()
+        );
+        return Err(Failure::input(error).hint(hint));
+    }
     let times = &session.config.plan.bracket_s;
     let merged = |shot: &str| merge_shot(session, shot, times, &found.response, noise);
     let black = merged("black")?;
@@ -146,7 +157,7 @@ fn folder(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Done, Fail
     let noise = NoiseModel::for_max_value(max_value);
     let frames = bracket.into_iter().map(Ok);
     let image = calibration::merge::<Failure>(frames, &response, &noise)?;
-    let output = args.output.clone().unwrap_or_else(|| images.with_extension("exr"));
+    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
     write_exr(&output, &image, overwrite)?;
     let increasing = response.is_strictly_increasing();
     let text = format!(

@@ -41,8 +41,8 @@ pub(crate) struct Options {
     /// How the coefficients are looked for
     #[arg(long, value_enum, default_value = "lbfgs")]
     method: MethodName,
-    /// Strength of the smoothness term relative to the energy of the images; from the noise if
-    /// not given
+    /// Strength of the smoothness term relative to the energy of the images; if not given it
+    /// comes from the noise (lbfgs) or is 1e-5 (paper)
     #[arg(long)]
     lambda: Option<f64>,
     /// Fit a gain for each channel beside κ and μ

@@ -83,6 +83,15 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
     let measured = Measured::load(session)?;
     let material = load_material(session)?;
     let maps: Vec<Vec<f64>> = measured.patterns.iter().map(|p| p.irradiance.clone()).collect();
+    if material.channels().len() != measured.channels.len() {
+        let error = format!(
+            "{MATERIAL}: has {} channels, the measurement has {}",
+            material.channels().len(),
+            measured.channels.len()
+        );
+        let hint = format!("solve again: diaphane solve {} --force", session.folder().display());
+        return Err(Failure::input(error).hint(hint));
+    }
     let relit = renderer::relight(&material, &maps)?;
 
     let mut patterns = Vec::new();
@@ -99,7 +108,11 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
         }
         let sum = &mut sums[usize::from(pattern.held_out)];
         *sum = (sum.0 + error, sum.1 + energy);
-        let rel_rms = if energy > 0.0 { (error / energy).sqrt() } else { 0.0 };
+        // A pattern without a usable pixel (the whole face lit in front) says nothing.
+        if energy == 0.0 {
+            continue;
+        }
+        let rel_rms = (error / energy).sqrt();
         patterns.push(PatternError {
             name: pattern.name.clone(),
             held_out: pattern.held_out,
