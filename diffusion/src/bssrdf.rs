@@ -31,6 +31,7 @@ pub enum BssrdfError {
 /// E = Σ (R' − R)² / Σ R² over all source cells of the lit face and all exit cells of the front
 /// face (W08 figure 11), R the truth and R' acquired.
 ///
+/// `acquired` comes with the gain that its images are multiplied by (1 where none was fitted).
 /// The truth may live on a finer grid: its sources are the cells of the acquired grid, and its
 /// exit radiance is averaged over them. `progress(done, all)` is called after each batch of
 /// sources and returns false to stop.
@@ -38,7 +39,7 @@ pub enum BssrdfError {
 /// # Errors
 /// The grids do not nest, a solve fails, or `progress` returns false.
 pub fn bssrdf_error<S: LinearSolver>(
-    acquired: (&Medium, &Optics),
+    acquired: (&Medium, &Optics, f64),
     truth: (&Medium, &Optics),
     lit: Face,
     solver: &mut S,
@@ -56,7 +57,8 @@ pub fn bssrdf_error<S: LinearSolver>(
     // The two operators take turns in one solver: all batches of the acquired block first.
     let mut images = Vec::with_capacity(all);
     let mut done = 0;
-    for ((medium, optics), is_truth) in [(acquired, false), (truth, true)] {
+    let gain = acquired.2;
+    for ((medium, optics), is_truth) in [((acquired.0, acquired.1), false), (truth, true)] {
         let grid = *medium.grid();
         let mut forward = Forward::new(medium.clone(), optics, solver)?;
         for first in (0..all).step_by(SOURCES) {
@@ -74,7 +76,7 @@ pub fn bssrdf_error<S: LinearSolver>(
                         energy += t * t;
                     }
                 } else {
-                    images.push(image);
+                    images.push(image.into_iter().map(|l| gain * l).collect());
                 }
             }
             done += 1;

@@ -90,7 +90,7 @@ fn errors(found: &Inverse) -> [f64; 3] {
     let mut solver = CpuSolver::<f32>::new();
     let acquired = Medium::new(grid, found.kappa_mm.clone(), found.mu_per_mm.clone()).unwrap();
     let truth = block(&fine);
-    let (acquired, fine_truth) = ((&acquired, &optics), (&truth, &optics));
+    let (acquired, fine_truth) = ((&acquired, &optics, 1.0), (&truth, &optics));
     let e = bssrdf_error(acquired, fine_truth, Face::Back, &mut solver, 1e-6, |_, _| true).unwrap();
     let truth = block(&grid);
     [

@@ -111,7 +111,7 @@ impl Acquisition {
         Plan { shots }
     }
 
-    /// The sample: black, white, every region, and patterns that are kept out of the fit.
+    /// The sample: black, every region, and patterns that are kept out of the fit.
     pub fn capture_plan(&self) -> Plan {
         let [columns, rows] = self.regions;
         let shot = |name: String, purpose, pattern| Shot {
@@ -122,10 +122,7 @@ impl Acquisition {
             target: Target::Sample,
             pattern,
         };
-        let mut shots = vec![
-            shot("black".into(), Purpose::Reference, Pattern::Black),
-            shot("white".into(), Purpose::Reference, Pattern::White),
-        ];
+        let mut shots = vec![shot("black".into(), Purpose::Reference, Pattern::Black)];
         for index in 0..columns * rows {
             let name = format!("region-{:02}", index + 1);
             shots.push(shot(name, Purpose::Fit, Pattern::region(columns, rows, index)));

@@ -234,7 +234,7 @@ fn convergence(name: &str, found: &Inverse) -> ChannelConvergence {
 
 fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenance, Failure> {
     let mut inputs = Vec::new();
-    for name in ["session.toml", ARRAYS] {
+    for name in ["session.toml", ARRAYS, "measurement/measurement.json"] {
         inputs.push(Input::from_file(name, &session.path(name))?);
     }
     let calibration = "calibration/calibration.json";

@@ -146,7 +146,7 @@ fn against_truth(session: &Session, material: &Material) -> Result<Vec<f64>, Fai
         let acquired =
             Medium::new(*material.grid(), wide(&channel.kappa_mm), wide(&channel.mu_per_mm))?;
         let error = bssrdf_error(
-            (&acquired, material.optics()),
+            (&acquired, material.optics(), channel.gain),
             (medium, &truth.optics),
             material.lit_face(),
             &mut solver,

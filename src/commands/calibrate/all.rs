@@ -38,6 +38,8 @@ pub(crate) struct Calibrated {
     pub front: FacePlane,
     /// RMS of the board that lay in the front face's plane, pixels.
     pub front_rms_px: f64,
+    /// Distance between the planes of the front and the back face, mm, where a board lay in both.
+    pub thickness_mm: Option<f64>,
     pub response: Response,
     /// From the chart's grey row.
     pub white_balance: WhiteBalance,
@@ -79,13 +81,14 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let found = solve(&session, overwrite)?;
     let text = format!(
-        "camera {:.3} px over {} views, projector {:.3} px, front face {:.3} px\n\
+        "camera {:.3} px over {} views, projector {:.3} px, front face {:.3} px{}\n\
          baseline {:.1} mm; white by chart and by sheet agree to {:.1} %\n\
          next: diaphane capture {}",
         found.camera.rms_px,
         found.camera.views.len(),
         found.projector.rms_px,
         found.front_rms_px,
+        found.thickness_mm.map_or(String::new(), |t| format!(", block {t:.2} mm thick")),
         found.projector.baseline_mm,
         100.0 * found.white_disagreement,
         session.folder().display()
@@ -95,6 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "camera_rms_px": found.camera.rms_px,
         "projector_rms_px": found.projector.rms_px,
         "front_rms_px": found.front_rms_px,
+        "thickness_mm": found.thickness_mm,
         "camera": model(&found.camera.model),
         "projector": model(&found.projector.model),
         "baseline_mm": found.projector.baseline_mm,
@@ -154,7 +158,11 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     let projector = calibrate_projector(&views, lit)?;
 
     progress.set(2, "face");
-    let (pose, front_rms_px) = face_pose(session, &camera.model, &board)?;
+    let (pose, front_rms_px) = face_pose(session, &camera.model, &board, "face-board-front")?;
+    let thickness_mm = match session.config.sample.lit_face {
+        Face::Front => None,
+        Face::Back => Some(thickness(session, &camera.model, &board, &pose)?),
+    };
     let front = FacePlane { device: camera.model, pose, z_mm: 0.0 };
 
     progress.set(3, "response");
@@ -194,6 +202,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
         projector,
         front,
         front_rms_px,
+        thickness_mm,
         response,
         white_balance: balance,
         white: seen,
@@ -317,13 +326,36 @@ fn flipped(photo: &Photo) -> Photo {
     out
 }
 
-/// Sample frame to camera frame, from the board that lay on the front face's plane, centred.
+/// Depth of the board that lay in the back face's plane, in the frame of the front face; a warning
+/// where the session says otherwise.
+fn thickness(
+    session: &Session,
+    camera: &CameraModel,
+    board: &Board,
+    front: &Pose,
+) -> Result<f64, Failure> {
+    let (back, _) = face_pose(session, camera, board, "face-board-back")?;
+    let [width, height, said] = session.config.sample.grid.size_mm();
+    let middle = back.apply([width / 2.0, height / 2.0, 0.0]);
+    let found = front.inverse().apply(middle)[2];
+    // A pose from one board is good to about a thousandth of its distance, seven blocks away.
+    if (found - said).abs() > 0.02 * width.max(height) {
+        eprintln!(
+            "warning: the board lay {found:.2} mm behind the front face, session.toml says that \
+             the block is {said:.2} mm thick"
+        );
+    }
+    Ok(found)
+}
+
+/// Sample frame to camera frame, from a board that lay in the plane of a face, centred.
 fn face_pose(
     session: &Session,
     camera: &CameraModel,
     board: &Board,
+    shot: &str,
 ) -> Result<(Pose, f64), Failure> {
-    let photo = frame_photo(session, "face-board-front", 0)?;
+    let photo = frame_photo(session, shot, 0)?;
     let [width, height, _] = session.config.sample.grid.size_mm();
     let half = |n: usize| (n as f64 - 1.0) * board.square_mm / 2.0;
     let (x0, y0) = (width / 2.0 - half(board.columns), height / 2.0 - half(board.rows));
