@@ -7,9 +7,9 @@ use opencv::core::{
 };
 use opencv::prelude::*;
 
-use crate::camera::{CameraModel, View};
 use crate::error::{CalibrationError, Result};
-use crate::pose::Pose;
+use crate::geometry::camera::{CameraModel, View};
+use crate::geometry::pose::Pose;
 
 /// Version of the OpenCV library that the program runs with.
 pub fn opencv_version() -> String {

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use crate::error::{CalibrationError, Result};
-use crate::face::FacePlane;
-use crate::hdr::HdrImage;
+use crate::geometry::face::FacePlane;
+use crate::radiometry::hdr::HdrImage;
 
 /// A picture on the face's grid: one value per cell and channel.
 ///

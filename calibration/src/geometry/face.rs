@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::CameraModel;
-use crate::pose::Pose;
+use crate::geometry::camera::CameraModel;
+use crate::geometry::pose::Pose;
 
 /// Maps places on a face of the sample (x, y in mm in the sample frame) to pixels and back.
 ///

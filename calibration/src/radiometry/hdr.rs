@@ -2,7 +2,7 @@
 
 use crate::error::{CalibrationError, Result};
 use crate::photo::Photo;
-use crate::response::Response;
+use crate::radiometry::response::Response;
 
 /// A merged picture: radiance and variance for every sample.
 ///

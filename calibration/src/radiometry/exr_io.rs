@@ -9,7 +9,7 @@ use exr::prelude::{
 use material::{Overwrite, atomic_write};
 
 use crate::error::{CalibrationError, Result};
-use crate::hdr::HdrImage;
+use crate::radiometry::hdr::HdrImage;
 
 const CLIPPED: &str = "clippedShortest";
 const LOST: &str = "lostLongest";

@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::board::{Board, find_in_grey};
-use crate::camera::{CameraModel, pose_from_points};
 use crate::error::{CalibrationError, Result};
-use crate::face::intersect;
+use crate::geometry::board::{Board, find_in_grey};
+use crate::geometry::camera::{CameraModel, pose_from_points};
+use crate::geometry::face::intersect;
+use crate::geometry::pose::Pose;
+use crate::geometry::projector::ProjectorView;
 use crate::photo::Photo;
-use crate::pose::Pose;
-use crate::projector::ProjectorView;
 
 /// A chessboard in the projector's picture; the top left square is dark.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -12,10 +12,10 @@
 use rayon::prelude::*;
 
 use crate::error::{CalibrationError, Result};
-use crate::hdr::HdrImage;
-use crate::noise::NoiseModel;
 use crate::photo::Photo;
-use crate::response::Response;
+use crate::radiometry::hdr::HdrImage;
+use crate::radiometry::noise::NoiseModel;
+use crate::radiometry::response::Response;
 
 /// Half width of the neighbourhood whose mean sets the weights.
 const REACH: usize = 2;

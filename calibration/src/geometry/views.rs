@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use crate::board::Board;
-use crate::camera::View;
 use crate::error::{CalibrationError, Result};
+use crate::geometry::board::Board;
+use crate::geometry::camera::View;
 use crate::photo::Photo;
 
 /// The board in every picture where it was found.

@@ -9,10 +9,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::bounded::least_quadratic;
 use crate::error::{CalibrationError, Result};
 use crate::photo::Photo;
-use crate::response::{KNOTS, Response};
+use crate::radiometry::bounded::least_quadratic;
+use crate::radiometry::response::{KNOTS, Response};
 
 /// Smallest rise of g = ln exposure from one knot to the next: an eighth of a linear sensor's
 /// smallest, which it has at full scale.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cv;
 use crate::error::{CalibrationError, Result};
-use crate::pose::Pose;
+use crate::geometry::pose::Pose;
 
 /// A camera, or a projector seen as an inverse camera.
 ///

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cv;
 use crate::error::{CalibrationError, Result};
-use crate::hdr::HdrImage;
+use crate::radiometry::hdr::HdrImage;
 
 /// Published colours of the 24 patches, row by row from dark skin to black: 8-bit sRGB under D65.
 const REFERENCE: [[u8; 3]; 24] = [

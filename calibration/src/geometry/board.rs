@@ -7,9 +7,9 @@ use opencv::prelude::*;
 use opencv::{calib3d, imgproc};
 use serde::{Deserialize, Serialize};
 
-use crate::camera::View;
 use crate::cv;
 use crate::error::{CalibrationError, Result};
+use crate::geometry::camera::View;
 use crate::photo::Photo;
 
 /// A chessboard by its inner corners.

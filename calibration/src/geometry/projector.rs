@@ -11,10 +11,10 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::camera::CameraModel;
 use crate::error::{CalibrationError, Result};
-use crate::levenberg::levenberg_marquardt;
-use crate::pose::Pose;
+use crate::geometry::camera::CameraModel;
+use crate::geometry::levenberg::levenberg_marquardt;
+use crate::geometry::pose::Pose;
 
 /// One pose of the plane: points on it and the projector pixels that light them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

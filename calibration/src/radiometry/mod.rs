@@ -1,0 +1,10 @@
+//! How much light there was: exposure times, response, noise, and the merge of a bracket.
+
+pub(crate) mod bounded;
+pub(crate) mod debevec;
+pub(crate) mod exposure;
+pub(crate) mod exr_io;
+pub(crate) mod hdr;
+pub(crate) mod merge;
+pub(crate) mod noise;
+pub(crate) mod response;
