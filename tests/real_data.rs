@@ -46,7 +46,7 @@ fn a_camera_from_opencvs_chessboards() {
     // Published with the pictures, from fits of 0.39 px: 535.9 and (342.3, 235.6).
     assert!((number("fx") - 535.9).abs() < 6.0 && (number("fy") - 535.9).abs() < 6.0);
     assert!((number("cx") - 342.3).abs() < 6.0 && (number("cy") - 235.6).abs() < 6.0);
-    assert_eq!(run.json["distortion"].as_array().unwrap().len(), 5);
+    assert_eq!(run.json["distortion"].as_array().unwrap().len(), 8);
 }
 
 #[test]

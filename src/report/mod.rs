@@ -197,30 +197,34 @@ fn converged(convergence: &Convergence) -> String {
 }
 
 fn calibrated(c: &Calibrated) -> String {
-    let m = &c.camera.model;
-    let p = &c.projector.model;
-    let device = |m: &calibration::CameraModel| {
+    let device = |d: &calibration::Device| {
+        let m = &d.model;
+        let [k1, k2, p1, p2, ..] = m.distortion;
         format!(
-            "focal lengths {:.1}, {:.1} px; principal point {:.1}, {:.1} px; distortion {}",
+            "{:.3} px RMS; focal lengths {:.1}, {:.1} px; principal point {:.1}, {:.1} px; \
+             distortion ({}) {k1:.4} {k2:.4} {p1:.4} {p2:.4}",
+            d.rms_px,
             m.fx,
             m.fy,
             m.cx,
             m.cy,
-            m.distortion.iter().map(|d| format!("{d:.4}")).collect::<Vec<_>>().join(" ")
+            d.selection.distortion.name()
         )
     };
-    facts(&[
-        (
-            "Camera",
+    let geometry = &c.geometry;
+    let mut rows =
+        vec![("Camera", format!("{} views; {}", geometry.views.len(), device(&geometry.camera)))];
+    if let Some(projector) = &geometry.projector {
+        rows.push(("Projector", device(&projector.device)));
+        rows.push((
+            "Baseline",
             format!(
-                "{:.3} px RMS over {} views; {}",
-                c.camera.rms_px,
-                c.camera.views.len(),
-                device(m)
+                "{:.1} ± {:.1} mm",
+                projector.baseline_mm, projector.baseline_standard_deviation_mm
             ),
-        ),
-        ("Projector", format!("{:.3} px RMS; {}", c.projector.rms_px, device(p))),
-        ("Baseline", format!("{:.1} mm", c.projector.baseline_mm)),
+        ));
+    }
+    rows.extend([
         ("Front face", format!("{:.3} px RMS", c.front_rms_px)),
         (
             "Response",
@@ -233,5 +237,6 @@ fn calibrated(c: &Calibrated) -> String {
         ),
         ("White balance", c.white_balance.gains.map(|g| format!("{g:.4}")).join(", ")),
         ("White by chart and by sheet", format!("differ by {:.2} %", 100.0 * c.white_disagreement)),
-    ])
+    ]);
+    facts(&rows)
 }

@@ -1,9 +1,8 @@
 //! The plane of the sample's face, seen by a camera or lit by a projector.
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::camera::CameraModel;
+use crate::geometry::camera_model::CameraModel;
 use crate::geometry::pose::Pose;
 
 /// Maps places on a face of the sample (x, y in mm in the sample frame) to pixels and back.
@@ -35,23 +34,6 @@ impl FacePlane {
     pub fn pixel_to_face(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y, _] = intersect(&self.device, &self.pose, self.z_mm, pixel)?;
         Some([x, y])
-    }
-
-    /// A picture for the projector, row by row in 0..1: `wanted(x, y)` is the light wanted at a
-    /// place of the face, averaged over 4 × 4 rays per pixel so that edges come out smooth.
-    pub fn paint(&self, wanted: impl Fn(f64, f64) -> f64 + Sync) -> Vec<f32> {
-        const RAYS: usize = 4;
-        let offset = |i: usize| (i as f64 + 0.5) / RAYS as f64 - 0.5;
-        let width = self.device.width;
-        let pixel = |i: usize| {
-            let (u, v) = ((i % width) as f64, (i / width) as f64);
-            let rays = (0..RAYS * RAYS).map(|ray| {
-                self.pixel_to_face([u + offset(ray % RAYS), v + offset(ray / RAYS)])
-                    .map_or(0.0, |[x, y]| wanted(x, y))
-            });
-            (rays.sum::<f64>() / (RAYS * RAYS) as f64) as f32
-        };
-        (0..width * self.device.height).into_par_iter().map(pixel).collect()
     }
 }
 

@@ -54,6 +54,15 @@ impl Pose {
         Self::from_parts(&rotation, &Vector3::from(moved))
     }
 
+    /// This pose turned by a small rotation vector about the second frame's axes (radians), then
+    /// shifted (mm): exp(turn) R, t + shift.
+    pub(crate) fn nudged(&self, step: &[f64; 6]) -> Self {
+        let [x, y, z, shift @ ..] = *step;
+        let turn = Rotation3::new(Vector3::new(x, y, z)).into_inner();
+        let translation = Vector3::from(self.translation_mm) + Vector3::from(shift);
+        Self::from_parts(&(turn * self.matrix()), &translation)
+    }
+
     pub(crate) fn from_parts(rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Self {
         let rotation = std::array::from_fn(|i| std::array::from_fn(|j| rotation[(i, j)]));
         Self { rotation, translation_mm: (*translation).into() }

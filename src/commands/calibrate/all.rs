@@ -4,10 +4,10 @@ use crate::Failure;
 use crate::output::{Done, Progress};
 use crate::session::{RigConfig, Session};
 use calibration::{
-    Board, CalibrationError, CameraCalibration, CameraModel, FacePlane, HdrImage, NoiseModel,
-    Photo, Pose, ProjectorCalibration, ProjectorView, Response, View, WhiteBalance,
-    calibrate_camera, calibrate_projector, find_board, find_chart, merge, pose_from_points,
-    recover_response_above, rectify, reprojection_rms, white_balance,
+    Board, CalibrationError, CameraModel, Choice, FacePlane, Geometry, HdrImage, NoiseModel, Photo,
+    Pose, ProjectedPoint, ProjectorGeometry, Response, RigView, View, WhiteBalance,
+    calibrate_geometry, find_board, find_chart, merge, pose_from_points, recover_response_above,
+    rectify, reprojection_rms, white_balance,
 };
 use material::{Face, Overwrite};
 use rig::{Chessboard, frame_path, read_frame};
@@ -32,8 +32,8 @@ pub(crate) struct Args {
 /// What the session knows about its rig.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct Calibrated {
-    pub camera: CameraCalibration,
-    pub projector: ProjectorCalibration,
+    /// Camera and projector, from the boards.
+    pub geometry: Geometry,
     /// The front face, seen by the camera.
     pub front: FacePlane,
     /// RMS of the board that lay in the front face's plane, pixels.
@@ -59,12 +59,23 @@ pub(crate) fn load(session: &Session) -> Result<Calibrated, Failure> {
     session.read_json(RESULT, COMMAND)
 }
 
+impl Calibrated {
+    /// The projector; a session always has one.
+    pub fn projector(&self) -> Result<&ProjectorGeometry, Failure> {
+        self.geometry.projector.as_ref().ok_or_else(|| {
+            Failure::input(format!("{RESULT}: damaged: no projector"))
+                .hint("calibrate again: diaphane calibrate all SESSION --force")
+        })
+    }
+}
+
 /// The lit face, lit by the projector: what turns a place on it into a projector pixel.
 pub(crate) fn lit_plane(session: &Session) -> Result<FacePlane, Failure> {
     let found = load(session)?;
+    let projector = found.projector()?;
     Ok(FacePlane {
-        device: found.projector.model,
-        pose: found.front.pose.then(&found.projector.pose),
+        device: projector.device.model,
+        pose: found.front.pose.then(&projector.pose),
         z_mm: lit_z(session),
     })
 }
@@ -80,28 +91,29 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let found = solve(&session, overwrite)?;
+    let (camera, projector) = (&found.geometry.camera, found.projector()?);
     let text = format!(
         "camera {:.3} px over {} views, projector {:.3} px, front face {:.3} px{}\n\
          baseline {:.1} mm; white by chart and by sheet agree to {:.1} %\n\
          next: diaphane capture {}",
-        found.camera.rms_px,
-        found.camera.views.len(),
-        found.projector.rms_px,
+        camera.rms_px,
+        found.geometry.views.len(),
+        projector.device.rms_px,
         found.front_rms_px,
         found.thickness_mm.map_or(String::new(), |t| format!(", block {t:.2} mm thick")),
-        found.projector.baseline_mm,
+        projector.baseline_mm,
         100.0 * found.white_disagreement,
         session.folder().display()
     );
     let model = |m: &CameraModel| json!({ "fx": m.fx, "fy": m.fy, "cx": m.cx, "cy": m.cy });
     let json = json!({
-        "camera_rms_px": found.camera.rms_px,
-        "projector_rms_px": found.projector.rms_px,
+        "camera_rms_px": camera.rms_px,
+        "projector_rms_px": projector.device.rms_px,
         "front_rms_px": found.front_rms_px,
         "thickness_mm": found.thickness_mm,
-        "camera": model(&found.camera.model),
-        "projector": model(&found.projector.model),
-        "baseline_mm": found.projector.baseline_mm,
+        "camera": model(&camera.model),
+        "projector": model(&projector.device.model),
+        "baseline_mm": projector.baseline_mm,
         "white_balance_gains": found.white_balance.gains,
         "white_disagreement": found.white_disagreement,
         "response_strictly_increasing": found.response.is_strictly_increasing(),
@@ -139,31 +151,32 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
         let photo = frame_photo(session, &v.name, 0)?;
         Ok::<_, Failure>([photo.width, photo.height])
     })?;
-    let camera = calibrate_camera(&printed, size)?;
-
     progress.set(1, "projector");
     let mirrored = session.config.sample.lit_face == Face::Back;
     let mut views = Vec::new();
-    for view in &printed {
-        let pose = pose_from_points(&camera.model, view)?;
-        let name = view.name.replace("board", "projected");
+    for board in printed {
+        let name = board.name.replace("board", "projected");
         let photo = frame_photo(session, &name, 0)?;
-        match projected_view(&photo, &camera.model, pose, &plan.projector_board, mirrored) {
-            Ok(view) => views.push(view),
-            Err(error @ CalibrationError::BoardNotFound { .. }) => eprintln!("warning: {error}"),
-            Err(error) => return Err(error.into()),
-        }
+        let projected = match projected_points(&photo, &plan.projector_board, mirrored) {
+            Err(error @ CalibrationError::BoardNotFound { .. }) => {
+                eprintln!("warning: {error}");
+                Vec::new()
+            }
+            found => found?,
+        };
+        views.push(RigView { board, coded: Vec::new(), projected });
     }
     let lit = frame_projector_size(session)?;
-    let projector = calibrate_projector(&views, lit)?;
+    let geometry = calibrate_geometry(&views, size, Some(lit), Choice::default())?;
+    let camera = geometry.camera.model;
 
     progress.set(2, "face");
-    let (pose, front_rms_px) = face_pose(session, &camera.model, &board, "face-board-front")?;
+    let (pose, front_rms_px) = face_pose(session, &camera, &board, "face-board-front")?;
     let thickness_mm = match session.config.sample.lit_face {
         Face::Front => None,
-        Face::Back => Some(thickness(session, &camera.model, &board, &pose)?),
+        Face::Back => Some(thickness(session, &camera, &board, &pose)?),
     };
-    let front = FacePlane { device: camera.model, pose, z_mm: 0.0 };
+    let front = FacePlane { device: camera, pose, z_mm: 0.0 };
 
     progress.set(3, "response");
     let response = recover_response_above(&response_bracket(session)?, noise.black_level)?;
@@ -175,7 +188,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     let chart = subtract(merged("chart")?, &merged("chart-black")?);
     let balance = white_balance(&find_chart(&chart, "chart")?)?;
     let sheet = subtract(merged("sheet-white")?, &merged("sheet-black")?);
-    let lit_seen = FacePlane { device: camera.model, pose, z_mm: lit_z(session) };
+    let lit_seen = FacePlane { device: camera, pose, z_mm: lit_z(session) };
     let grid = &session.config.sample.grid;
     let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
     let map = rectify(&sheet, &lit_seen, [nx, ny], [hx, hy])?;
@@ -198,8 +211,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
         balanced.iter().map(|b| (b / balanced[1] - 1.0).abs()).fold(0.0, f64::max);
 
     let found = Calibrated {
-        camera,
-        projector,
+        geometry,
         front,
         front_rms_px,
         thickness_mm,
@@ -280,17 +292,15 @@ fn found_boards(
     Ok(out)
 }
 
-/// What the projected board says in one pose of the plane under it.
+/// The corners of the projected board in one pose of the plane.
 ///
 /// Seen from behind, through the sheet, the projected board is mirrored: it is looked for in the
 /// mirrored picture.
-fn projected_view(
+fn projected_points(
     photo: &Photo,
-    camera: &CameraModel,
-    plane: Pose,
     shown: &Chessboard,
     mirrored: bool,
-) -> Result<ProjectorView, CalibrationError> {
+) -> Result<Vec<ProjectedPoint>, CalibrationError> {
     let board = Board { columns: shown.columns, rows: shown.rows, square_mm: 1.0 };
     let corners = if mirrored {
         let edge = photo.width as f64 - 1.0;
@@ -298,20 +308,9 @@ fn projected_view(
     } else {
         find_board(photo, &board)?
     };
-    let on_plane = FacePlane { device: *camera, pose: plane, z_mm: 0.0 };
-    let (mut board_points, mut projector_pixels) = (Vec::new(), Vec::new());
-    for (corner, lit_by) in corners.iter().zip(shown.corners_px()) {
-        if let Some([x, y]) = on_plane.pixel_to_face(*corner) {
-            board_points.push([x, y, 0.0]);
-            projector_pixels.push(lit_by);
-        }
-    }
-    Ok(ProjectorView {
-        name: photo.name.clone(),
-        board_pose: plane,
-        board_points,
-        projector_pixels,
-    })
+    let pairs = corners.into_iter().zip(shown.corners_px());
+    let point = |(camera_px, projector_px)| ProjectedPoint { camera_px, projector_px };
+    Ok(pairs.map(point).collect())
 }
 
 fn flipped(photo: &Photo) -> Photo {

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::output::Done;
-use calibration::{Board, calibrate_camera, find_views, list_pictures};
+use calibration::{Board, Choice, RigView, calibrate_geometry, find_views, list_pictures};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -30,16 +30,18 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     for missed in &found.missed {
         eprintln!("warning: {missed}");
     }
-    let result = calibrate_camera(&found.views, found.size)?;
-    let m = &result.model;
-    let worst = result.views.iter().map(|v| v.rms_px).fold(0.0, f64::max);
+    let (total, size) = (found.views.len(), found.size);
+    let views: Vec<RigView> = found.views.into_iter().map(RigView::camera_only).collect();
+    let result = calibrate_geometry(&views, size, None, Choice::default())?;
+    let m = &result.camera.model;
+    let worst = result.views.iter().map(|v| v.camera_rms_px).fold(0.0, f64::max);
     let mut text = String::new();
     for view in &result.views {
-        text += &format!("{:24} {:.3} px\n", view.name, view.rms_px);
+        text += &format!("{:24} {:.3} px\n", view.name, view.camera_rms_px);
     }
     text += &format!(
-        "{} of {} views, RMS {:.4} px, worst view {worst:.3} px\nfx {:.2} fy {:.2} cx {:.2} cy {:.2}, distortion k1 k2 p1 p2 k3 {:?}",
-        found.views.len(),
+        "{} of {} views, RMS {:.4} px, worst view {worst:.3} px\nfx {:.2} fy {:.2} cx {:.2} cy {:.2}, distortion k1 k2 p1 p2 k3 k4 k5 k6 {:?}",
+        total,
         pictures.len(),
         result.rms_px,
         m.fx,
@@ -52,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let json = json!({
         "rms_px": result.rms_px,
         "worst_view_px": worst,
-        "views_found": found.views.len(),
+        "views_found": total,
         "views_total": pictures.len(),
         "fx": m.fx,
         "fy": m.fy,
@@ -60,7 +62,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "cy": m.cy,
         "distortion": m.distortion,
         "missed": missed,
-        "standard_deviations": result.standard_deviations,
+        "standard_deviations": result.camera.standard_deviations,
     });
     Ok(Done::new(json, text))
 }
