@@ -9,8 +9,8 @@ use crate::structured_light::samples::Samples;
 /// none but for noise and highlights if they belong together, half of them if they do not.
 const MOST_UNPAIRED: f64 = 0.15;
 /// Way that a code goes along a line over the range that it covers: 1 where the surface is smooth,
-/// a few at most where objects stand in front of each other.
-const MOST_DETOUR: f64 = 1.6;
+/// more where objects stand in front of each other, which is then looked into.
+const MOST_DETOUR: f64 = 1.2;
 /// A sequence is taken for swapped only if putting it right shortens the way to this share.
 const SWAPPED: f64 = 0.75;
 

@@ -38,20 +38,18 @@ impl Separation {
         Self { direct: brightest - darkest, global: 2 * (darkest - black).max(0) }
     }
 
-    /// Whether a pixel is lit in `pattern`, or `None` if that cannot be told.
+    /// Whether it cannot be told in which of `pattern` and `inverse` the pixel is lit.
     ///
     /// A lit pixel has at least D, one that is not at most G (Xu & Aliaga 2007, section 4.1): with
     /// D > G the brighter picture decides, otherwise only codes outside of both ranges' overlap
     /// do. `noise` is the least difference that means anything.
-    pub(crate) fn lit(self, pattern: i32, inverse: i32, black: i32, noise: i32) -> Option<bool> {
+    pub(crate) fn in_doubt(self, pattern: i32, inverse: i32, black: i32, noise: i32) -> bool {
         let (p, q) = (pattern - black, inverse - black);
-        if (p - q).abs() < noise || self.direct < noise {
-            return None;
-        }
-        let clear = self.direct > self.global
-            || (p < self.direct && q > self.global)
-            || (p > self.global && q < self.direct);
-        clear.then_some(p > q)
+        let (direct, global) = (self.direct, self.global);
+        // No short cuts: so the loop over a row has no branches.
+        let clear =
+            (direct > global) | ((p < direct) & (q > global)) | ((p > global) & (q < direct));
+        ((p - q).abs() < noise) | (direct < noise) | !clear
     }
 }
 
@@ -64,16 +62,16 @@ mod tests {
         // D 100, G 20, black 7.
         let plain = Separation::new(117, 17, 7);
         assert_eq!(plain, Separation { direct: 100, global: 20 });
-        assert_eq!(plain.lit(115, 17, 7, 10), Some(true));
-        assert_eq!(plain.lit(17, 115, 7, 10), Some(false));
-        assert_eq!(plain.lit(64, 60, 7, 10), None);
+        assert!(!plain.in_doubt(115, 17, 7, 10));
+        assert!(!plain.in_doubt(17, 115, 7, 10));
+        assert!(plain.in_doubt(64, 60, 7, 10));
         // D 20, G 100: where the patterns' share of G outweighs D, the brighter picture lies.
         let deep = Separation::new(70, 50, 0);
         assert_eq!(deep, Separation { direct: 20, global: 100 });
-        assert_eq!(deep.lit(75, 40, 0, 10), None);
-        assert_eq!(deep.lit(105, 15, 0, 10), Some(true));
-        assert_eq!(deep.lit(15, 105, 0, 10), Some(false));
+        assert!(deep.in_doubt(75, 40, 0, 10));
+        assert!(!deep.in_doubt(105, 15, 0, 10));
+        assert!(!deep.in_doubt(15, 105, 0, 10));
         // In the projector's shadow there is nothing to decide.
-        assert_eq!(Separation::new(52, 50, 0).lit(80, 20, 0, 10), None);
+        assert!(Separation::new(52, 50, 0).in_doubt(80, 20, 0, 10));
     }
 }

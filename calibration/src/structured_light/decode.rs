@@ -161,8 +161,8 @@ impl Band<'_> {
 pub(crate) struct Row {
     /// Stripe number along each axis, or [`UNDECIDED`].
     codes: [Vec<u16>; 2],
-    /// Picture minus inverse, for each axis: bit by bit from the finest, then pixel by pixel.
-    differences: [Vec<i32>; 2],
+    /// Picture and inverse of each bit of each axis, finest first.
+    pairs: [Vec<[Vec<i32>; 2]>; 2],
     /// White minus black.
     contrast: Vec<i32>,
     stripe_px: f32,
@@ -181,8 +181,8 @@ pub(crate) struct Sample<'a> {
 impl Sample<'_> {
     /// Picture minus inverse over white minus black.
     pub(crate) fn relative_difference(&self, bit: u32) -> f32 {
-        let at = bit as usize * self.row.contrast.len() + self.x;
-        let difference = self.row.differences[self.axis].get(at).copied().unwrap_or(0);
+        let pair = self.row.pairs[self.axis].get(bit as usize);
+        let difference = pair.map_or(0, |[p, q]| p[self.x] - q[self.x]);
         difference as f32 / self.row.contrast[self.x].max(1) as f32
     }
 }
@@ -211,59 +211,62 @@ impl Reader<'_> {
             row
         };
         let [white, black] = layout.white_black_at().map(read);
-        // Picture and inverse of each bit, axis by axis, finest first.
         let pairs: [Vec<[Vec<i32>; 2]>; 2] = [0, 1].map(|axis| {
             let at = |bit| layout.bit_at(axis, bit);
             (0..layout.bits(axis)).map(|bit| [read(at(bit)), read(at(bit) + 1)]).collect()
         });
-        let mut brightest = vec![0; width];
-        let mut darkest = vec![i32::MAX; width];
-        for pairs in &pairs {
-            let last = pairs.len().saturating_sub(1);
-            let [from, to] = [SEPARATING_BITS.start(), SEPARATING_BITS.end()].map(|b| *b as usize);
-            for [p, q] in &pairs[from.min(last)..=to.min(last)] {
-                for x in 0..width {
-                    brightest[x] = brightest[x].max(p[x]).max(q[x]);
-                    darkest[x] = darkest[x].min(p[x]).min(q[x]);
-                }
-            }
-        }
-        let mut codes = [vec![UNDECIDED; width], vec![UNDECIDED; width]];
-        for x in (0..width).filter(|&x| white[x] - black[x] >= self.noise) {
-            let light = Separation::new(brightest[x], darkest[x], black[x]);
-            for axis in 0..2 {
-                let bits = pairs[axis].iter().map(|[p, q]| {
-                    (p[x] > q[x], light.lit(p[x], q[x], black[x], self.noise).is_some())
-                });
-                let stripes = layout.projector[axis].div_ceil(layout.stripe_px());
-                codes[axis][x] = position(bits, stripes).unwrap_or(UNDECIDED);
-            }
-        }
-        let differences = pairs.map(|pairs| {
-            let minus = |[p, q]: &[Vec<i32>; 2]| -> Vec<i32> {
-                p.iter().zip(q).map(|(p, q)| p - q).collect()
+        let contrast: Vec<i32> = white.iter().zip(&black).map(|(w, b)| w - b).collect();
+        let light = separate(&pairs, &black);
+        let codes = [0, 1].map(|axis| {
+            let stripes = layout.projector[axis].div_ceil(layout.stripe_px());
+            let bits = read_bits(&pairs[axis], &light, &black, self.noise);
+            let decide = |((gray, doubts), &contrast): ((u32, u32), &i32)| {
+                let lit = contrast >= self.noise;
+                lit.then(|| stripe(gray, doubts, stripes)).flatten().unwrap_or(UNDECIDED)
             };
-            pairs.iter().flat_map(minus).collect()
+            bits.into_iter().zip(&contrast).map(decide).collect()
         });
-        let contrast = white.iter().zip(&black).map(|(w, b)| w - b).collect();
-        Row {
-            codes,
-            differences,
-            contrast,
-            stripe_px: layout.stripe_px() as f32,
-            with_phase: layout.phase().is_some(),
-        }
+        let stripe_px = layout.stripe_px() as f32;
+        Row { codes, pairs, contrast, stripe_px, with_phase: layout.phase().is_some() }
     }
 }
 
-/// The stripe whose Gray code is given, finest bit first, each bit with whether it is beyond
-/// doubt. One bit may be in doubt if its two answers name neighbours.
-fn position(bits: impl Iterator<Item = (bool, bool)>, stripes: usize) -> Option<u16> {
-    let (mut gray, mut doubts) = (0_u32, 0_u32);
-    for (bit, (lit, sure)) in bits.enumerate() {
-        gray |= u32::from(lit) << bit;
-        doubts |= u32::from(!sure) << bit;
+/// Direct and indirect light of each pixel of a row.
+fn separate(pairs: &[Vec<[Vec<i32>; 2]>; 2], black: &[i32]) -> Vec<Separation> {
+    let mut brightest = vec![0; black.len()];
+    let mut darkest = vec![i32::MAX; black.len()];
+    for pairs in pairs {
+        let last = pairs.len().saturating_sub(1);
+        let [from, to] = [SEPARATING_BITS.start(), SEPARATING_BITS.end()].map(|b| *b as usize);
+        for row in pairs[from.min(last)..=to.min(last)].iter().flatten() {
+            brightest.iter_mut().zip(row).for_each(|(b, &v)| *b = v.max(*b));
+            darkest.iter_mut().zip(row).for_each(|(d, &v)| *d = v.min(*d));
+        }
     }
+    let extremes = brightest.iter().zip(&darkest).zip(black);
+    extremes.map(|((&b, &d), &black)| Separation::new(b, d, black)).collect()
+}
+
+/// Gray code of each pixel of a row, and which of its bits are in doubt.
+fn read_bits(
+    pairs: &[[Vec<i32>; 2]],
+    light: &[Separation],
+    black: &[i32],
+    noise: i32,
+) -> Vec<(u32, u32)> {
+    let mut out = vec![(0, 0); light.len()];
+    for (bit, [pattern, inverse]) in pairs.iter().enumerate() {
+        let pixels = pattern.iter().zip(inverse).zip(light.iter().zip(black));
+        for ((gray, doubts), ((&p, &q), (light, &black))) in out.iter_mut().zip(pixels) {
+            *gray |= u32::from(p > q) << bit;
+            *doubts |= u32::from(light.in_doubt(p, q, black, noise)) << bit;
+        }
+    }
+    out
+}
+
+/// The stripe of a Gray code. One bit may be in doubt if its two answers name neighbours.
+fn stripe(gray: u32, doubts: u32, stripes: usize) -> Option<u16> {
     let code = gray_to_binary(gray);
     let decided = match doubts.count_ones() {
         0 => true,
@@ -283,18 +286,15 @@ mod tests {
 
     #[test]
     fn one_bit_in_doubt_between_neighbours_is_no_harm() {
-        let bits = |code: u32, doubt: u32| {
-            let gray = code ^ (code >> 1);
-            (0..10).map(move |b| ((gray >> b) & 1 == 1, (doubt >> b) & 1 == 0))
-        };
+        let read = |code: u32, doubts: u32| stripe(code ^ (code >> 1), doubts, 1000);
         for code in 0..1000 {
-            assert_eq!(position(bits(code, 0), 1000), Some(code as u16));
-            assert_eq!(position(bits(code, 1), 1000), Some(code as u16));
-            assert_eq!(position(bits(code, 3), 1000), None);
+            assert_eq!(read(code, 0), Some(code as u16));
+            assert_eq!(read(code, 1), Some(code as u16));
+            assert_eq!(read(code, 3), None);
         }
         // 511 and 512 differ in the coarsest bit alone; 300 and its reflection are far apart.
-        assert_eq!(position(bits(511, 1 << 9), 1000), Some(511));
-        assert_eq!(position(bits(300, 1 << 9), 1000), None);
-        assert_eq!(position(bits(1001, 0), 1000), None);
+        assert_eq!(read(511, 1 << 9), Some(511));
+        assert_eq!(read(300, 1 << 9), None);
+        assert_eq!(read(1001, 0), None);
     }
 }

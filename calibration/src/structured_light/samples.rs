@@ -1,12 +1,14 @@
 //! Lines of pixels through all pictures of a sequence, to judge the sequence by.
 
+use rayon::prelude::*;
+
 use crate::photo::Photo;
 use crate::structured_light::classify::grey;
 use crate::structured_light::decode::gray_to_binary;
 use crate::structured_light::layout::CodeLayout;
 
 /// Lines through the picture in each direction.
-const LINES: usize = 32;
+const LINES: usize = 16;
 /// A pixel is lit by the projector if its brightest code exceeds its darkest by this share of the
 /// most that any pixel's does.
 const LIT: f64 = 0.1;
@@ -79,15 +81,14 @@ impl Samples {
         let means = (0..=black.min(pictures.len().saturating_sub(1))).map(mean).collect();
         // Picture plus inverse is the same for all bits; the difference of two such sums has four
         // pictures' noise, that of picture and inverse two.
-        let middle = noise.len() / 2;
-        let median = if noise.is_empty() { 0 } else { *noise.select_nth_unstable(middle).1 };
+        let median = median_of_whole(noise);
         Self {
             bits,
             bit_at: [0, 1].map(|axis| layout.bit_at(axis, layout.bits(axis) - 1)),
             shares,
             lines,
             means,
-            noise: (1.4826 * f64::from(median) / 2_f64.sqrt()).max(0.5),
+            noise: (1.4826 * median / 2_f64.sqrt()).max(0.5),
         }
     }
 
@@ -106,14 +107,16 @@ impl Samples {
         self.noise
     }
 
-    /// The first picture of each pair that is not picture and inverse, white and black included,
-    /// if place i of the sequence is taken by picture `order[i]`.
+    /// The first picture of each pair that is not picture and inverse, or white and black, if
+    /// place i of the sequence is taken by picture `order[i]`.
     pub(crate) fn unpaired(&self, order: &[usize], most: f64) -> Vec<usize> {
         let pairs = (0..self.means.len() / 2).map(|pair| 2 * pair);
+        let last = self.means.len().saturating_sub(2);
         let share = |at: usize| {
             let same = |s: &&Vec<f32>| {
                 let [a, b] = [order[at], order[at + 1]].map(|picture| s[picture]);
-                (a > 1.0 - CLEAR && b > 1.0 - CLEAR) || (a < CLEAR && b < CLEAR)
+                let alike = (a > 1.0 - CLEAR && b > 1.0 - CLEAR) || (a < CLEAR && b < CLEAR);
+                alike || (at == last && a < b)
             };
             self.shares.iter().filter(same).count() as f64 / self.lit().max(1) as f64
         };
@@ -243,6 +246,17 @@ impl Samples {
     }
 }
 
+/// Median of whole numbers from 0, each standing for what was rounded to it.
+fn median_of_whole(mut numbers: Vec<i32>) -> f64 {
+    numbers.sort_unstable();
+    let half = numbers.len() / 2;
+    let Some(&middle) = numbers.get(half) else { return 0.0 };
+    let below = numbers.partition_point(|&n| n < middle);
+    let up_to = numbers.partition_point(|&n| n <= middle);
+    let within = (half - below) as f64 / (up_to - below) as f64;
+    if middle == 0 { 0.5 * within } else { f64::from(middle) - 0.5 + within }
+}
+
 /// Line, column and row of each sample, lines one after the other.
 fn places(first: Option<&Photo>) -> Vec<(usize, usize, usize)> {
     let Some(photo) = first else { return Vec::new() };
@@ -262,5 +276,5 @@ fn read(pictures: &[Photo], places: &[(usize, usize, usize)]) -> Vec<Vec<i32>> {
         let start = (y * photo.width + x) * photo.channels;
         grey(photo.data.get(start..start + photo.channels).unwrap_or_default())
     };
-    places.iter().map(|&(_, x, y)| pictures.iter().map(|p| pixel(p, x, y)).collect()).collect()
+    places.par_iter().map(|&(_, x, y)| pictures.iter().map(|p| pixel(p, x, y)).collect()).collect()
 }
