@@ -66,14 +66,16 @@ impl View {
                 level(ray[axis].round())
             }
         };
-        let average = match picture {
-            CodePicture::White => 1.0,
-            CodePicture::Black => 0.0,
-            _ => 0.5,
+        // By way of a wall that another, broad part of the picture lights: broad against the
+        // stripes that tell direct light from indirect.
+        let wall = |pixel: f64| {
+            let first = (pixel.max(0.0) as usize + 25) % levels.len();
+            levels.iter().cycle().skip(first).take(64).sum::<f64>() / 64.0
         };
         let code = |rays: &[[f64; 2]]| {
             let direct = rays.iter().map(light).sum::<f64>() / rays.len() as f64;
-            let code = 9.0 + 150.0 * (direct + self.indirect * average) / (1.0 + self.indirect);
+            let indirect = self.indirect * wall(rays[0][axis]);
+            let code = 9.0 + 150.0 * (direct + indirect) / (1.0 + self.indirect);
             // Four uniform numbers have a variance of a third.
             let noise: f64 = (0..4).map(|_| rng.random::<f64>() - 0.5).sum();
             (code + self.noise * 3_f64.sqrt() * noise).round().clamp(0.0, 255.0) as u16
@@ -121,8 +123,8 @@ fn corners_are_found_between_projector_pixels_without_bias() {
         ("phase shift", CodeLayout::phase_shift([128, 120], 16, 4).unwrap()),
     ] {
         // Noise must outweigh what the rays' number and the projector's pixels do to an edge,
-        // which averages out better than noise does.
-        let view = View { noise: 3.0, soft: true, ..View::new(layout) };
+        // which averages out better than noise does. Indirect light shifts phases, not edges.
+        let view = View { noise: 3.0, soft: true, indirect: 0.0, ..View::new(layout) };
         let mut sum = [0.0; 2];
         let (mut squares, mut covered, mut count) = (0.0, 0, 0);
         for seed in 0..4 {
@@ -154,7 +156,7 @@ fn corners_are_found_between_projector_pixels_without_bias() {
 fn phase_says_how_well_it_knows() {
     let layout = CodeLayout::phase_shift([128, 120], 16, 4).unwrap();
     // Seen sharply, all of a projector pixel has its phase: then it is rounding that counts.
-    let view = View { soft: true, ..View::new(layout) };
+    let view = View { soft: true, indirect: 0.0, ..View::new(layout) };
     let decoded = decode(&view.layout, &view.pictures(5)).unwrap();
     assert!(decoded.share() > 0.97, "{}", decoded.share());
     let (mut covered, mut count, mut wild) = (0, 0, 0);
@@ -174,42 +176,38 @@ fn phase_says_how_well_it_knows() {
     assert_eq!(wild, 0, "unwrapped to another period");
 }
 
-/// Half of the light by way of other points and hardly any contrast left: not one pixel may be
-/// given a wrong code.
+/// Most light comes by way of other points, which other stripes light: better no code than theirs.
 #[test]
 fn where_indirect_light_rules_nothing_is_guessed() {
-    let mut view = View::new(CodeLayout::gray_code([128, 120]));
-    let wrong = |view: &View| {
+    let check = |indirect: f64| {
+        // Whole numbers of stripes on the wall, whatever the bit that separates.
+        let layout = CodeLayout::gray_code([128, 128]);
+        let view = View { indirect, noise: 0.5, soft: true, ..View::new(layout) };
         let decoded = decode(&view.layout, &view.pictures(2)).unwrap();
-        let positions = decoded.columns.position.iter().enumerate();
         let off = |(i, p): (usize, &f32)| {
             let truth = view.truth([(i % SIZE[0]) as f64, (i / SIZE[0]) as f64])[0];
-            p.is_finite() && (f64::from(*p) - truth).abs() > 1.5
+            (f64::from(*p) - truth).abs() > 1.5
         };
-        (decoded.share(), positions.filter(|&(i, p)| off((i, p))).count())
+        let wrong = decoded.columns.position.iter().enumerate().filter(|&at| off(at)).count();
+        eprintln!("indirect {indirect}: {:.3} decided, {wrong} wrong", decoded.share());
+        (decoded.share(), wrong)
     };
-    view.indirect = 0.5;
-    let (share, off) = wrong(&view);
-    assert!(share > 0.9 && off == 0, "{share} {off}");
-    view.indirect = 12.0;
-    view.noise = 3.0;
-    let (share, off) = wrong(&view);
-    eprintln!("{share:.3} decided, {off} wrong");
-    assert!(share < 0.5 && off < SIZE[0] * SIZE[1] / 1000, "{share} {off}");
+    let (share, wrong) = check(0.4);
+    assert!(share > 0.9 && wrong == 0, "{share} {wrong}");
+    // With twice as much light from elsewhere the brighter of picture and inverse often lies.
+    let (share, wrong) = check(2.0);
+    assert!(share < 0.1 && wrong < 30, "{share} {wrong}");
 }
 
 #[test]
 fn any_two_pictures_exchanged_are_both_named() {
     let view = View::new(CodeLayout::gray_code([128, 120]));
     let good = view.pictures(3);
-    let finest = [12, 13, 26, 27];
     for a in 0..good.len() {
         for b in a + 1..good.len() {
             let mut spoilt = good.clone();
             spoilt.swap(a, b);
             let result = decode(&view.layout, &spoilt);
-            // The finest bit's own exchange moves edges by a pixel and nothing else.
-            let hidden = finest.contains(&a) && b == a + 1;
             match result {
                 Err(CalibrationError::CodeSequence { picture, reason }) => {
                     let text = format!("{picture}: {reason}");
@@ -217,7 +215,7 @@ fn any_two_pictures_exchanged_are_both_named() {
                     assert!(names.iter().all(|n| text.contains(n)), "{a} {b}: {text}");
                 }
                 Err(other) => panic!("{a} {b}: {other}"),
-                Ok(_) => assert!(hidden, "{a} {b} passed"),
+                Ok(_) => panic!("{a} {b} passed"),
             }
         }
     }

@@ -53,7 +53,7 @@ const BAND: usize = 16;
 /// Gray code bits whose stripes separate direct from indirect light: 4 to 16 stripe widths of
 /// the finest, narrow against the way that light travels below a surface or between objects, wide
 /// against the blur.
-const SEPARATING_BITS: std::ops::RangeInclusive<u32> = 1..=3;
+pub(crate) const SEPARATING_BITS: std::ops::RangeInclusive<u32> = 1..=3;
 /// Differences below this many standard deviations say nothing.
 const NOISE_SIGMAS: f64 = 3.0;
 
@@ -219,7 +219,7 @@ impl Reader<'_> {
         let light = separate(&pairs, &black);
         let codes = [0, 1].map(|axis| {
             let stripes = layout.projector[axis].div_ceil(layout.stripe_px());
-            let bits = read_bits(&pairs[axis], &light, &black, self.noise);
+            let bits = read_bits(&pairs[axis], &light, self.noise);
             let decide = |((gray, doubts), &contrast): ((u32, u32), &i32)| {
                 let lit = contrast >= self.noise;
                 lit.then(|| stripe(gray, doubts, stripes)).flatten().unwrap_or(UNDECIDED)
@@ -248,18 +248,13 @@ fn separate(pairs: &[Vec<[Vec<i32>; 2]>; 2], black: &[i32]) -> Vec<Separation> {
 }
 
 /// Gray code of each pixel of a row, and which of its bits are in doubt.
-fn read_bits(
-    pairs: &[[Vec<i32>; 2]],
-    light: &[Separation],
-    black: &[i32],
-    noise: i32,
-) -> Vec<(u32, u32)> {
+fn read_bits(pairs: &[[Vec<i32>; 2]], light: &[Separation], noise: i32) -> Vec<(u32, u32)> {
     let mut out = vec![(0, 0); light.len()];
     for (bit, [pattern, inverse]) in pairs.iter().enumerate() {
-        let pixels = pattern.iter().zip(inverse).zip(light.iter().zip(black));
-        for ((gray, doubts), ((&p, &q), (light, &black))) in out.iter_mut().zip(pixels) {
+        let pixels = pattern.iter().zip(inverse).zip(light);
+        for ((gray, doubts), ((&p, &q), light)) in out.iter_mut().zip(pixels) {
             *gray |= u32::from(p > q) << bit;
-            *doubts |= u32::from(light.in_doubt(p, q, black, noise)) << bit;
+            *doubts |= u32::from(light.in_doubt(p - q, noise)) << bit;
         }
     }
     out

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use crate::photo::Photo;
-use crate::structured_light::classify::grey;
-use crate::structured_light::decode::gray_to_binary;
+use crate::structured_light::classify::{Separation, grey};
+use crate::structured_light::decode::{SEPARATING_BITS, gray_to_binary};
 use crate::structured_light::layout::CodeLayout;
 
 /// Lines through the picture in each direction.
@@ -25,6 +25,8 @@ pub(crate) struct Samples {
     /// For each lit pixel: its code in each picture up to black, as a share from its darkest to
     /// its brightest.
     shares: Vec<Vec<f32>>,
+    /// Whether a lit pixel gets most of its light straight from the projector.
+    direct: Vec<bool>,
     /// Which line a lit pixel is on; the even ones run along rows. Neighbours on a line follow
     /// each other.
     lines: Vec<usize>,
@@ -55,13 +57,19 @@ impl Samples {
         let least = (LIT * f64::from(most)).max(2.0) as i32;
         let pairs = white / 2;
         let mut noise = Vec::new();
-        let (mut shares, mut lines) = (Vec::new(), Vec::new());
+        let (mut shares, mut lines, mut direct) = (Vec::new(), Vec::new(), Vec::new());
+        let fine: Vec<usize> = fine_pictures(layout).collect();
         for ((codes, &(low, high)), &(line, ..)) in codes.iter().zip(&spreads).zip(&places) {
             if high < least || patterns(codes) < least {
                 continue;
             }
             shares.push(codes.iter().map(|&c| (c - low) as f32 / high as f32).collect());
             lines.push(line);
+            let fine: Vec<i32> = fine.iter().filter_map(|&at| codes.get(at).copied()).collect();
+            let (darkest, range) = spread(&fine);
+            let dark = codes.get(black).copied().unwrap_or(low);
+            let light = Separation::new(darkest.saturating_add(range), darkest, dark);
+            direct.push(light.direct > light.global);
             let sum = |pair: usize| codes[2 * pair] + codes[2 * pair + 1];
             noise.extend((1..pairs).map(|pair| (sum(pair) - sum(pair - 1)).abs()));
         }
@@ -86,6 +94,7 @@ impl Samples {
             bits,
             bit_at: [0, 1].map(|axis| layout.bit_at(axis, layout.bits(axis) - 1)),
             shares,
+            direct,
             lines,
             means,
             noise: (1.4826 * median / 2_f64.sqrt()).max(0.5),
@@ -161,7 +170,7 @@ impl Samples {
     pub(crate) fn way(&self, order: &[usize], axis: usize) -> Way {
         let mut way = Way { length: 0.0, range: 0.0 };
         let mut line: Option<(usize, u32, u32, u32)> = None;
-        for (shares, &number) in self.shares.iter().zip(&self.lines) {
+        for (shares, number) in self.direct_ones() {
             let Some(code) = self.code(shares, order, axis) else { continue };
             line = match line {
                 Some((current, last, low, high)) if current == number => {
@@ -176,6 +185,12 @@ impl Samples {
         }
         way.range += line.map_or(0.0, |(_, _, low, high)| f64::from(high - low));
         way
+    }
+
+    /// Pixels whose code means something, each with its line.
+    fn direct_ones(&self) -> impl Iterator<Item = (&[f32], usize)> {
+        let pixels = self.shares.iter().zip(&self.lines).zip(&self.direct);
+        pixels.filter(|(_, direct)| **direct).map(|((shares, &line), _)| (shares.as_slice(), line))
     }
 
     /// The code of an axis by its usable bits, where none of them is in doubt.
@@ -232,7 +247,7 @@ impl Samples {
         let mut slopes = [[0.0; 2]; 2];
         for (axis, slope) in slopes.iter_mut().enumerate() {
             let mut last: Option<(usize, u32)> = None;
-            for (shares, &line) in self.shares.iter().zip(&self.lines) {
+            for (shares, line) in self.direct_ones() {
                 let Some(code) = self.code(shares, order, axis) else { continue };
                 if let Some((_, before)) = last.filter(|(on, _)| *on == line) {
                     // One wild step must not outweigh a line of small ones.
@@ -244,6 +259,14 @@ impl Samples {
         let [[cx, cy], [rx, ry]] = slopes;
         cx * ry - cy * rx
     }
+}
+
+/// The pictures, inverses included, that tell direct from indirect light.
+fn fine_pictures(layout: &CodeLayout) -> impl Iterator<Item = usize> {
+    [0, 1].into_iter().flat_map(move |axis| {
+        let bits = SEPARATING_BITS.filter(move |&bit| bit < layout.bits(axis));
+        bits.flat_map(move |bit| [0, 1].map(|inverse| layout.bit_at(axis, bit) + inverse))
+    })
 }
 
 /// Median of whole numbers from 0, each standing for what was rounded to it.
