@@ -80,6 +80,14 @@ pub enum CalibrationError {
         /// What this one is.
         found: String,
     },
+    /// A picture that is not what the code sequence has in its place.
+    #[error("{picture}: not as the code sequence has it: {reason}")]
+    CodeSequence {
+        /// The picture's name.
+        picture: String,
+        /// What it looks like.
+        reason: String,
+    },
     /// A bracket that cannot say anything about the response or the radiance.
     #[error("exposure bracket: expected {expected}, found {found}")]
     BadBracket {

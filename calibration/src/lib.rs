@@ -10,6 +10,7 @@ mod error;
 mod geometry;
 mod photo;
 mod radiometry;
+mod structured_light;
 
 pub use colour::chart::{Patch, WhiteBalance, find_chart, white_balance};
 pub use cv::opencv_version;
@@ -36,3 +37,6 @@ pub use radiometry::hdr::HdrImage;
 pub use radiometry::merge::{Merger, merge};
 pub use radiometry::noise::NoiseModel;
 pub use radiometry::response::{KNOTS, Response};
+pub use structured_light::corners::{LitCorner, light_corners};
+pub use structured_light::decode::{CodeMap, Decoded, decode};
+pub use structured_light::layout::{CodeLayout, CodePicture, PhaseShift};
