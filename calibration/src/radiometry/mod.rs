@@ -5,6 +5,8 @@ pub(crate) mod debevec;
 pub(crate) mod exposure;
 pub(crate) mod exr_io;
 pub(crate) mod hdr;
+pub(crate) mod masters;
 pub(crate) mod merge;
 pub(crate) mod noise;
 pub(crate) mod response;
+pub(crate) mod spool;
