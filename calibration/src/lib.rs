@@ -35,5 +35,6 @@ pub use radiometry::hdr::HdrImage;
 pub use radiometry::masters::{FlatField, MasterDark};
 pub use radiometry::merge::drift::ExposureCheck;
 pub use radiometry::merge::{MergeReport, Merger, merge};
+pub use radiometry::mosaic::{Bayer, merge_mosaic};
 pub use radiometry::noise::NoiseModel;
 pub use radiometry::response::{KNOTS, Response};

@@ -7,6 +7,7 @@ pub(crate) mod exr_io;
 pub(crate) mod hdr;
 pub(crate) mod masters;
 pub(crate) mod merge;
+pub(crate) mod mosaic;
 pub(crate) mod noise;
 pub(crate) mod response;
 pub(crate) mod spool;

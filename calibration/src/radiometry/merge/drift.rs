@@ -44,7 +44,6 @@ pub(super) struct Few {
 
 /// One sample that two exposures see well.
 struct Pair {
-    mean: f32,
     short: f64,
     long: f64,
     /// Variance of short/long relative to the square of it.
@@ -52,16 +51,19 @@ struct Pair {
 }
 
 /// Ratio of `short` to `long` over the ratio of their times, with its sigma; `radiance` is what
-/// they are expected to see, `channels` of equally many samples one after the other.
+/// they are expected to see, `channels` of equally many samples one after the other, and `order`
+/// what sorts it.
 pub(super) fn step(
     short: &Few,
     long: &Few,
     radiance: &[f32],
+    order: &[usize],
     channels: &[Channel],
 ) -> Option<(f64, f64)> {
     let each = radiance.len() / channels.len().max(1);
     let mut pairs = Vec::new();
-    for (i, &l) in radiance.iter().enumerate() {
+    for &i in order {
+        let l = radiance[i];
         let channel = channels.get(i / each.max(1))?;
         let (low, high) = (l * short.time, l * long.time);
         let variance_low = channel.variance(low + short.dark[i]);
@@ -71,11 +73,10 @@ pub(super) fn step(
         if unclipped && low > CLEAR * variance_low.sqrt() {
             let (short, long) = (f64::from(short.light[i]), f64::from(long.light[i]));
             let variance = variance_low / (low * low) + variance_high / (high * high);
-            pairs.push(Pair { mean: l, short, long, variance: variance.into() });
+            pairs.push(Pair { short, long, variance: variance.into() });
         }
     }
     let nominal = f64::from(short.time) / f64::from(long.time);
-    pairs.sort_by(|a, b| a.mean.total_cmp(&b.mean));
     let size = pairs.len().div_ceil(CLASSES).max(ENOUGH);
     let classes: Vec<(f64, f64)> =
         pairs.chunks(size).filter_map(|pairs| class_step(pairs, nominal)).collect();

@@ -22,7 +22,7 @@ use drift::{ExposureCheck, Few};
 use sensor::Channel;
 
 /// Pixels that the exposures are compared on.
-const FEW: usize = 8192;
+const FEW: usize = 4096;
 
 /// Dark frames serve exposures of their own time, to this relative difference.
 const SAME_TIME: f64 = 0.01;

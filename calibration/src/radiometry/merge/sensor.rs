@@ -97,6 +97,12 @@ impl Channel {
         self.straight
     }
 
+    /// Scale and black of a linear camera: exposure = scale · code − black.
+    pub fn line(&self) -> Option<(f32, f32)> {
+        let scale = self.exposure.get(1)? - self.exposure.first()?;
+        self.straight.then_some((scale, -*self.exposure.first()?))
+    }
+
     pub fn straight(&self) -> Straight {
         Straight { dark: self.dark[0], shot: self.shot }
     }

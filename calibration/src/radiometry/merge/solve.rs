@@ -4,23 +4,25 @@
 //! equation (Wedderburn 1974) for samples of mean tᵢ L and a variance V that depends on the
 //! mean. With weights from the common L, not from each sample's own noisy value, every term has
 //! mean zero, and the bias of second order vanishes too: the covariance of the score with its
-//! slope and the score's mean curvature cancel. Its inverse information is the variance.
+//! slope and the score's mean curvature cancel. A clipped sample enters with the censored
+//! normal's score (`censored`). The inverse of the observed information is the variance.
 //!
 //! Where a sample is hardly above its noise, even the common L makes poor weights; there they
 //! come from the mean of neighbours, whose error costs a little variance but biases nothing.
 
-use super::censored::{EDGE, hazard_and_share};
+use super::censored::{EDGE, hazard};
 use super::sensor::VarianceOf;
 
 /// Samples that are worked on side by side: a multiple of every vector register's width, few
 /// enough for sixteen frames of them to stay in the first cache.
 pub(super) const LANES: usize = 128;
 
-/// Iterations that a well-posed sample never needs: each shrinks the error by the relative noise.
-const MOST: usize = 30;
+/// Iterations at most: each shrinks the error of the weights by the relative noise.
+const MOST: usize = 10;
 
-/// An iteration that moves a sample by less than a thousandth of its sigma is the last.
-const SETTLED: f32 = 1e-6;
+/// An iteration that moves a sample by less than half a hundredth of its sigma is the last; what
+/// is left is smaller by the relative noise once more.
+const SETTLED: f32 = 2.5e-5;
 
 /// Neighbours whose mean guides the weights in the dark: a power of two.
 const NEIGHBOURS: usize = 16;
@@ -41,11 +43,29 @@ pub(super) struct Exposures {
     pub dark: [f32; LANES],
     /// Variance of `dark`.
     pub dark_variance: f32,
+    /// t/V of each sample, 0 where it is clipped.
+    weight: [f32; LANES],
+    clipped: Clipped,
+}
+
+/// How many samples of a block an exposure clips.
+#[derive(Clone, Copy, PartialEq)]
+enum Clipped {
+    None,
+    Some,
+    All,
 }
 
 impl Exposures {
-    pub fn new() -> Self {
-        Self { time: 1.0, x: [0.0; LANES], dark: [0.0; LANES], dark_variance: 0.0 }
+    pub fn new(time: f32, dark_variance: f32) -> Self {
+        Self {
+            time,
+            x: [0.0; LANES],
+            dark: [0.0; LANES],
+            dark_variance,
+            weight: [0.0; LANES],
+            clipped: Clipped::None,
+        }
     }
 }
 
@@ -54,22 +74,17 @@ pub(super) struct Solved {
     pub radiance: [f32; LANES],
     /// Σ t²/V; 0 where nothing was measured.
     pub information: [f32; LANES],
-    /// The radiance that the weights are computed for.
-    guide: [f32; LANES],
-    /// Σ (x − tL)²/V over the exposures that count, and their number less one.
+    /// Σ (x − tL)²/V over the exposures that are not clipped, and their number less one.
     pub chi2: [f32; LANES],
     pub freedom: [f32; LANES],
+    /// The radiance that the weights are computed for.
+    guide: [f32; LANES],
 }
 
 impl Solved {
     pub fn new() -> Self {
-        Self {
-            radiance: [0.0; LANES],
-            information: [0.0; LANES],
-            guide: [0.0; LANES],
-            chi2: [0.0; LANES],
-            freedom: [0.0; LANES],
-        }
+        let zero = [0.0; LANES];
+        Self { radiance: zero, information: zero, chi2: zero, freedom: zero, guide: zero }
     }
 }
 
@@ -77,123 +92,160 @@ impl Solved {
 /// is the next one of the same colour.
 #[inline(always)]
 pub(super) fn solve<V: VarianceOf>(
-    frames: &[Exposures],
+    frames: &mut [Exposures],
     noise: V,
     clipped: f32,
     like: usize,
     out: &mut Solved,
 ) {
-    let sigma_at_edge = noise.variance(clipped).sqrt();
-    let sure = clipped - EDGE * sigma_at_edge;
-    start(frames, sure, clipped, out);
+    start(frames, clipped, out);
     out.guide = out.radiance;
     for _ in 0..MOST {
-        if iterate(frames, noise, sure, out) < SETTLED {
+        if iterate(frames, noise, clipped, out) < SETTLED {
             break;
         }
         find_guide(like, out);
     }
-    // Where some exposure is neither surely clipped nor surely not, its chance to be counts.
-    let near = (EDGE + 1.0) * sigma_at_edge;
-    let mut undecided = [false; LANES];
-    for frame in frames {
-        for l in 0..LANES {
-            let mean = frame.time * out.radiance[l] + frame.dark[l];
-            undecided[l] |= (mean - clipped).abs() < near;
-        }
-    }
-    for l in 0..LANES {
-        if undecided[l] {
-            solve_censored(frames, noise, clipped, l, out);
-        } else if out.information[l] == 0.0 {
-            // More than fits into the shortest.
-            out.radiance[l] =
-                frames.iter().map(|f| (f.x[l] - f.dark[l]) / f.time).fold(0.0, f32::max);
-        }
-    }
-    misfit(frames, noise, sure, out);
+    misfit(frames, clipped, out);
 }
 
-/// Light over time of the exposures that look unclipped: optimal where only photons make noise.
+/// Light over time of the exposures that are not clipped: optimal where only photons make noise.
 #[inline(always)]
-fn start(frames: &[Exposures], sure: f32, clipped: f32, out: &mut Solved) {
+fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
     let mut light = [0.0_f32; LANES];
     let mut time = [0.0_f32; LANES];
-    let mut least = [f32::INFINITY; LANES];
+    let mut at_least = [0.0_f32; LANES];
+    out.freedom = [-1.0; LANES];
     for frame in frames {
+        let mut open = 0.0_f32;
         for l in 0..LANES {
-            let counts = if frame.x[l] < sure { 1.0 } else { 0.0 };
-            light[l] += counts * (frame.x[l] - frame.dark[l]);
+            let counts = if frame.x[l] < clipped { 1.0 } else { 0.0 };
+            let seen = frame.x[l] - frame.dark[l];
+            light[l] += counts * seen;
             time[l] += counts * frame.time;
-            // If none does, the shortest is the one to believe.
-            least[l] = least[l].min(frame.time);
+            out.freedom[l] += counts;
+            open += counts;
+            at_least[l] = at_least[l].max((1.0 - counts) * seen / frame.time);
         }
+        frame.clipped = if open == LANES as f32 {
+            Clipped::None
+        } else if open == 0.0 {
+            Clipped::All
+        } else {
+            Clipped::Some
+        };
     }
     for l in 0..LANES {
-        out.radiance[l] = if time[l] > 0.0 { light[l] / time[l] } else { clipped / least[l] };
+        let measured = time[l] > 0.0;
+        // Not below what the clipped ones say.
+        let mean = (light[l] / time[l]).max(0.99 * at_least[l].min(f32::MAX));
+        out.radiance[l] = if measured { mean } else { at_least[l] };
     }
 }
 
 /// One round of weights; returns the largest squared step in units of the variance.
 #[inline(always)]
-fn iterate<V: VarianceOf>(frames: &[Exposures], noise: V, sure: f32, out: &mut Solved) -> f32 {
+fn iterate<V: VarianceOf>(
+    frames: &mut [Exposures],
+    noise: V,
+    clipped: f32,
+    out: &mut Solved,
+) -> f32 {
     let mut weighted = [0.0_f32; LANES];
     let mut information = [0.0_f32; LANES];
+    let sigma = noise.variance(clipped).sqrt();
+    let dimmest = out.radiance.iter().copied().fold(f32::INFINITY, f32::min);
     for frame in frames {
         let t = frame.time;
+        if frame.clipped == Clipped::All && t * dimmest > clipped + EDGE * sigma {
+            continue;
+        }
         for l in 0..LANES {
-            let mean = t * out.radiance[l] + frame.dark[l];
-            // By what is predicted, not by what the sample says.
-            let counts = if mean < sure { t } else { 0.0 };
             let typical = t * out.guide[l] + frame.dark[l];
-            let weight = counts / (noise.variance(typical) + frame.dark_variance);
+            let weight = t / (noise.variance(typical) + frame.dark_variance);
+            let open = frame.clipped == Clipped::None || frame.x[l] < clipped;
+            let weight = if open { weight } else { 0.0 };
+            frame.weight[l] = weight;
             weighted[l] += weight * (frame.x[l] - frame.dark[l]);
             information[l] += weight * t;
+        }
+        if frame.clipped != Clipped::None {
+            let sums = (&mut weighted, &mut information);
+            add_clipped(frame, noise, clipped, sigma, &out.radiance, sums);
         }
     }
     let mut largest = 0.0_f32;
     for l in 0..LANES {
-        let known = information[l] > 0.0;
-        let next = weighted[l] / if known { information[l] } else { 1.0 };
+        // Exposures that are all clipped bound the radiance on one side only.
+        let known = out.freedom[l] >= 0.0;
+        let next = weighted[l] / information[l];
         let next = if known { next } else { out.radiance[l] };
         let step = next - out.radiance[l];
         largest = largest.max(step * step * information[l]);
         out.radiance[l] = next;
-        out.information[l] = information[l];
+        out.information[l] = if known { information[l] } else { 0.0 };
     }
     largest
+}
+
+/// Newton's step for the clipped samples of an exposure: score h/σ, information h (h − a)/V.
+#[inline(always)]
+fn add_clipped<V: VarianceOf>(
+    frame: &Exposures,
+    noise: V,
+    clipped: f32,
+    sigma: f32,
+    radiance: &[f32; LANES],
+    (weighted, information): (&mut [f32; LANES], &mut [f32; LANES]),
+) {
+    let t = frame.time;
+    // Far above clipping a sample is clipped anyway, which says nothing.
+    let certain = clipped + EDGE * sigma;
+    let mut near = [false; LANES];
+    for l in 0..LANES {
+        near[l] = frame.x[l] >= clipped && t * radiance[l] + frame.dark[l] < certain;
+    }
+    for l in (0..LANES).filter(|l| near[*l]) {
+        let mean = t * radiance[l] + frame.dark[l];
+        let variance = noise.variance(mean) + frame.dark_variance;
+        let sigma = variance.sqrt();
+        let a = (clipped - mean) / sigma;
+        let (score, slope) = if a < EDGE {
+            let h = hazard(a);
+            (t * h / sigma, h * (h - a) * t * t / variance)
+        } else {
+            // Clipped against all odds: what it says is where clipping begins.
+            (t * a / sigma, t * t / variance)
+        };
+        weighted[l] += score + slope * radiance[l];
+        information[l] += slope;
+    }
 }
 
 /// The radiance that weights are computed for: the sample's own where it is clear of its noise.
 #[inline(always)]
 fn find_guide(like: usize, out: &mut Solved) {
-    let mut dim = 0.0_f32;
+    let mut dim = false;
     for l in 0..LANES {
-        let bright = out.radiance[l].max(0.0).powi(2) * out.information[l];
-        dim = dim.max(if bright < 16.0 * OWN * OWN { 1.0 } else { 0.0 });
+        let clear = out.radiance[l].max(0.0).powi(2) * out.information[l];
+        dim |= clear < 16.0 * OWN * OWN && out.freedom[l] >= 0.0;
     }
     out.guide = out.radiance;
-    if dim == 0.0 {
+    if !dim {
         return;
     }
-    // Sums of 2, 4, 8 and 16 like neighbours, from half of them before to half of them after.
+    // Sums of 2, 4, 8 and 16 like neighbours, from half of them before to half of them after;
+    // beyond the ends stands the outermost of the same colour.
     let mut sums = [0.0_f32; LANES + NEIGHBOURS * MOST_LIKE];
-    let half = NEIGHBOURS / 2 * like;
-    for (k, sum) in sums.iter_mut().enumerate() {
-        // Beyond the ends the outermost of the same colour.
-        let inside = |k: usize| (k - half) < LANES;
-        let l = if k < half {
-            k % like
-        } else if inside(k) {
-            k - half
-        } else {
-            LANES - like + (k - half) % like
-        };
-        *sum = out.radiance[l.min(LANES - 1)];
+    let before = NEIGHBOURS / 2 * like;
+    sums[before..before + LANES].copy_from_slice(&out.radiance);
+    for k in 0..before {
+        sums[k] = out.radiance[k % like];
+        sums[before + LANES + k] = out.radiance[LANES - like + k % like];
     }
     let mut reach = like;
     while reach < NEIGHBOURS * like {
-        for k in 0..sums.len() - reach {
+        for k in 0..LANES + NEIGHBOURS * like - reach {
             sums[k] += sums[k + reach];
         }
         reach *= 2;
@@ -206,69 +258,14 @@ fn find_guide(like: usize, out: &mut Solved) {
 }
 
 #[inline(always)]
-fn misfit<V: VarianceOf>(frames: &[Exposures], noise: V, sure: f32, out: &mut Solved) {
+fn misfit(frames: &[Exposures], clipped: f32, out: &mut Solved) {
     out.chi2 = [0.0; LANES];
-    out.freedom = [-1.0; LANES];
-    for frame in frames {
+    for frame in frames.iter().filter(|f| f.clipped != Clipped::All) {
+        let per_time = 1.0 / frame.time;
         for l in 0..LANES {
-            let mean = frame.time * out.radiance[l] + frame.dark[l];
-            let counts = if mean < sure { 1.0 } else { 0.0 };
-            let off = frame.x[l] - mean;
-            let typical = frame.time * out.guide[l] + frame.dark[l];
-            out.chi2[l] += counts * off * off / (noise.variance(typical) + frame.dark_variance);
-            out.freedom[l] += counts;
+            let counts = if frame.x[l] < clipped { per_time } else { 0.0 };
+            let off = frame.x[l] - (frame.time * out.radiance[l] + frame.dark[l]);
+            out.chi2[l] += counts * off * off * frame.weight[l];
         }
     }
-}
-
-/// Fisher's scoring for one sample with exposures that may or may not be clipped.
-fn solve_censored<V: VarianceOf>(
-    frames: &[Exposures],
-    noise: V,
-    clipped: f32,
-    l: usize,
-    out: &mut Solved,
-) {
-    if frames.iter().all(|f| f.x[l] >= clipped) {
-        out.information[l] = 0.0;
-        out.radiance[l] = frames.iter().map(|f| (f.x[l] - f.dark[l]) / f.time).fold(0.0, f32::max);
-        return;
-    }
-    let mut radiance = out.radiance[l];
-    let mut information = 0.0;
-    for _ in 0..MOST {
-        let mut score = 0.0_f32;
-        information = 0.0;
-        for frame in frames {
-            let t = frame.time;
-            let mean = t * radiance + frame.dark[l];
-            let variance = noise.variance(mean) + frame.dark_variance;
-            let room = clipped - mean;
-            if room * room >= EDGE * EDGE * variance {
-                if room > 0.0 {
-                    score += t * (frame.x[l].min(clipped) - mean) / variance;
-                    information += t * t / variance;
-                }
-                continue;
-            }
-            let sigma = variance.sqrt();
-            let (hazard, share) = hazard_and_share(room / sigma);
-            information += share * t * t / variance;
-            score += if frame.x[l] >= clipped {
-                t * hazard / sigma
-            } else {
-                t * (frame.x[l] - mean) / variance
-            };
-        }
-        if information <= 0.0 {
-            break;
-        }
-        let step = score / information;
-        radiance += step;
-        if step * step * information < SETTLED {
-            break;
-        }
-    }
-    out.radiance[l] = radiance;
-    out.information[l] = information;
 }

@@ -69,19 +69,15 @@ struct Bench {
 
 impl Bench {
     fn new(frames: &[Frame]) -> Self {
-        let exposures = frames.iter().map(|frame| Exposures {
-            time: frame.few.time,
-            dark_variance: match frame.dark {
-                Dark::Even(_) => 0.0,
-                Dark::Measured { variance, .. } => variance,
-            },
-            ..Exposures::new()
+        let exposures = frames.iter().map(|frame| match frame.dark {
+            Dark::Even(_) => Exposures::new(frame.few.time, 0.0),
+            Dark::Measured { variance, .. } => Exposures::new(frame.few.time, variance),
         });
         Self { exposures: exposures.collect(), solved: Solved::new() }
     }
 
     fn solve(&mut self, channel: &Channel, like: usize, arch: pulp::Arch) {
-        let (frames, out) = (&self.exposures, &mut self.solved);
+        let (frames, out) = (&mut self.exposures, &mut self.solved);
         if channel.is_straight() {
             arch.dispatch(|| solve(frames, channel.straight(), channel.clipped, like, out));
         } else {
@@ -101,9 +97,11 @@ pub(super) fn compare(
     // The second round chooses its samples by the radiance that the first one corrected.
     for _ in 0..2 {
         let (radiance, _) = solve_few(frames, channels);
+        let mut order: Vec<usize> = (0..radiance.len()).collect();
+        order.sort_unstable_by(|a, b| radiance[*a].total_cmp(&radiance[*b]));
         let mut steps: Vec<Option<(f64, f64)>> = frames
-            .windows(2)
-            .map(|pair| drift::step(&pair[0].few, &pair[1].few, &radiance, channels))
+            .par_windows(2)
+            .map(|pair| drift::step(&pair[0].few, &pair[1].few, &radiance, &order, channels))
             .collect();
         // In units of the nominal times.
         for (step, pair) in steps.iter_mut().zip(checks.windows(2)) {
@@ -222,7 +220,8 @@ fn work(
             let count = LANES.min((size - first).div_ceil(stride));
             for (k, frame) in job.frames.iter().enumerate() {
                 let exposure = &mut bench.exposures[k];
-                load(&strip.codes[k][at + first..], stride, count, channel, &mut exposure.x);
+                let codes = &strip.codes[k][at + first..];
+                load(codes, stride, count, channel, &mut exposure.x);
                 match frame.dark {
                     Dark::Even(level) => exposure.dark = [level; LANES],
                     Dark::Measured { masters: [a, b], share, .. } => {
@@ -252,6 +251,10 @@ fn work(
 /// Codes to exposures above black.
 #[inline]
 fn load(codes: &[u16], stride: usize, count: usize, channel: &Channel, x: &mut [f32; LANES]) {
+    if let Some((scale, black)) = channel.line() {
+        x.iter_mut().zip(codes).take(count).for_each(|(x, c)| *x = f32::from(*c) * scale - black);
+        return;
+    }
     let table = &channel.exposure;
     let last = table.len() - 1;
     for (x, code) in x.iter_mut().zip(codes.iter().step_by(stride)).take(count) {
