@@ -86,6 +86,14 @@ impl Response {
         self.exposure.iter().all(|curve| curve.windows(2).all(|w| w[0] < w[1]))
     }
 
+    /// Whether all curves are those of a linear sensor, exposure = code.
+    pub fn is_identity(&self) -> bool {
+        let line = |k: usize| k as f64 / (KNOTS - 1) as f64;
+        let straight =
+            |curve: &Vec<f64>| curve.iter().enumerate().all(|(k, x)| (x - line(k)).abs() < 1e-12);
+        self.exposure.iter().all(straight)
+    }
+
     fn curve(&self, channel: usize) -> &[f64] {
         self.exposure.get(channel).unwrap_or(&self.exposure[0])
     }

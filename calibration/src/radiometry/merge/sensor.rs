@@ -1,0 +1,125 @@
+//! The frame model in the unit of the merge: exposure above black, in linearised full scales.
+
+use crate::radiometry::noise::NoiseModel;
+use crate::radiometry::response::Response;
+
+/// Variance of a sample as a function of its mean exposure above black.
+pub(super) trait VarianceOf: Copy + Send + Sync {
+    fn variance(&self, exposure: f32) -> f32;
+}
+
+/// The photon term goes on below zero, where noise has pushed a sample, down to this share of the
+/// dark variance: a corner at zero would give what fluctuates up another weight than what
+/// fluctuates down, and pull the mean.
+const FLOOR: f32 = 0.2;
+
+/// A linear sensor: dark + shot · exposure.
+#[derive(Clone, Copy)]
+pub(super) struct Straight {
+    pub dark: f32,
+    pub shot: f32,
+}
+
+impl VarianceOf for Straight {
+    #[inline(always)]
+    fn variance(&self, exposure: f32) -> f32 {
+        (self.dark + self.shot * exposure).max(FLOOR * self.dark)
+    }
+}
+
+/// Places of a [`Curved`] table: 32 an octave, from 2⁻²⁴ to 2⁸ full scales.
+const PLACES: usize = 1024;
+
+/// A sensor with a response: what is constant in codes is looked up by exposure.
+#[derive(Clone, Copy)]
+pub(super) struct Curved<'a> {
+    pub dark: &'a [f32; PLACES],
+    pub shot: f32,
+}
+
+impl VarianceOf for Curved<'_> {
+    #[inline(always)]
+    fn variance(&self, exposure: f32) -> f32 {
+        let dark = self.dark[place(exposure.max(0.0))];
+        (dark + self.shot * exposure).max(FLOOR * dark)
+    }
+}
+
+/// Exponent and five bits of the mantissa number the places.
+#[inline(always)]
+fn place(exposure: f32) -> usize {
+    const FIRST: u32 = (127 - 24) * 32;
+    ((exposure.to_bits() >> 18).saturating_sub(FIRST) as usize).min(PLACES - 1)
+}
+
+/// One channel of the camera, tabulated so that no sample costs a power or a logarithm.
+pub(super) struct Channel {
+    /// Exposure above black of each code.
+    pub exposure: Vec<f32>,
+    /// Exposure above black at which codes begin to say nothing but "more".
+    pub clipped: f32,
+    dark: Box<[f32; PLACES]>,
+    shot: f32,
+    straight: bool,
+}
+
+impl Channel {
+    pub fn new(response: &Response, noise: &NoiseModel, channel: usize) -> Self {
+        let full = noise.full_scale;
+        let black = response.linearise(noise.black_level / full, channel);
+        let above = |code: f64| response.linearise(code / full, channel) - black;
+        let last = full.clamp(0.0, f64::from(u16::MAX)) as usize;
+        let exposure: Vec<f64> = (0..=last).map(|v| above(v as f64)).collect();
+        let dark_variance = |code: f64| {
+            let slope = response.slope(code / full, channel) / full;
+            slope * slope * noise.dark_variance()
+        };
+        let mut code = 0;
+        let dark = std::array::from_fn(|place| {
+            let middle = 2.0_f64.powf((place as f64 + 0.5) / 32.0 - 24.0);
+            while code < last && exposure[code] < middle {
+                code += 1;
+            }
+            dark_variance((code as f64).max(noise.black_level)) as f32
+        });
+        Self {
+            exposure: exposure.iter().map(|x| *x as f32).collect(),
+            // Codes from the saturation on are clipped: half a code below the first of them.
+            clipped: above(noise.saturation.ceil() - 0.5) as f32,
+            dark: Box::new(dark),
+            shot: (noise.gain / full) as f32,
+            straight: response.is_identity(),
+        }
+    }
+
+    /// Whether all channels of such a camera are one and the same.
+    pub fn is_straight(&self) -> bool {
+        self.straight
+    }
+
+    /// Scale and black of a linear camera: exposure = scale · code − black.
+    pub fn line(&self) -> Option<(f32, f32)> {
+        let scale = self.exposure.get(1)? - self.exposure.first()?;
+        self.straight.then_some((scale, -*self.exposure.first()?))
+    }
+
+    pub fn straight(&self) -> Straight {
+        Straight { dark: self.dark[0], shot: self.shot }
+    }
+
+    pub fn curved(&self) -> Curved<'_> {
+        Curved { dark: &self.dark, shot: self.shot }
+    }
+
+    pub fn variance(&self, exposure: f32) -> f32 {
+        self.curved().variance(exposure)
+    }
+
+    /// Exposure above black of a level between codes, such as the mean of dark frames.
+    pub fn exposure_of(&self, level: f32) -> f32 {
+        let last = self.exposure.len().saturating_sub(2);
+        let k = (level.max(0.0) as usize).min(last);
+        let (low, high) = (self.exposure[k], self.exposure[k + 1]);
+        low + (high - low) * (level - k as f32)
+    }
+}

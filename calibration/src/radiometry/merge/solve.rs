@@ -1,0 +1,271 @@
+//! The radiance of many samples at once, by iterated weights.
+//!
+//! The radiance L of a sample solves Σ tᵢ (xᵢ − tᵢ L)/V(tᵢ L) = 0, the quasi-likelihood
+//! equation (Wedderburn 1974) for samples of mean tᵢ L and a variance V that depends on the
+//! mean. With weights from the common L, not from each sample's own noisy value, every term has
+//! mean zero, and the bias of second order vanishes too: the covariance of the score with its
+//! slope and the score's mean curvature cancel. A clipped sample enters with the censored
+//! normal's score (`censored`). The inverse of the observed information is the variance.
+//!
+//! Where a sample is hardly above its noise, even the common L makes poor weights; there they
+//! come from the mean of neighbours, whose error costs a little variance but biases nothing.
+
+use super::censored::{EDGE, hazard};
+use super::sensor::VarianceOf;
+
+/// Samples that are worked on side by side: a multiple of every vector register's width, few
+/// enough for sixteen frames of them to stay in the first cache.
+pub(super) const LANES: usize = 128;
+
+/// Iterations at most: each shrinks the error of the weights by the relative noise.
+const MOST: usize = 10;
+
+/// An iteration that moves a sample by less than half a hundredth of its sigma is the last; what
+/// is left is smaller by the relative noise once more.
+const SETTLED: f32 = 2.5e-5;
+
+/// Neighbours whose mean guides the weights in the dark: a power of two.
+const NEIGHBOURS: usize = 16;
+
+/// Colours that may lie side by side.
+const MOST_LIKE: usize = 3;
+
+/// Signal over noise at which a sample's own radiance and its neighbours' count the same.
+const OWN: f32 = 6.0;
+
+/// One exposure's samples.
+pub(super) struct Exposures {
+    /// Exposure time, s, with corrections.
+    pub time: f32,
+    /// Exposure above black; [`LANES`] samples.
+    pub x: [f32; LANES],
+    /// Of it what is there without light.
+    pub dark: [f32; LANES],
+    /// Variance of `dark`.
+    pub dark_variance: f32,
+    /// t/V of each sample, 0 where it is clipped.
+    weight: [f32; LANES],
+    clipped: Clipped,
+}
+
+/// How many samples of a block an exposure clips.
+#[derive(Clone, Copy, PartialEq)]
+enum Clipped {
+    None,
+    Some,
+    All,
+}
+
+impl Exposures {
+    pub fn new(time: f32, dark_variance: f32) -> Self {
+        Self {
+            time,
+            x: [0.0; LANES],
+            dark: [0.0; LANES],
+            dark_variance,
+            weight: [0.0; LANES],
+            clipped: Clipped::None,
+        }
+    }
+}
+
+/// What came out, [`LANES`] of each.
+pub(super) struct Solved {
+    pub radiance: [f32; LANES],
+    /// Σ t²/V; 0 where nothing was measured.
+    pub information: [f32; LANES],
+    /// Σ (x − tL)²/V over the exposures that are not clipped, and their number less one.
+    pub chi2: [f32; LANES],
+    pub freedom: [f32; LANES],
+    /// The radiance that the weights are computed for.
+    guide: [f32; LANES],
+}
+
+impl Solved {
+    pub fn new() -> Self {
+        let zero = [0.0; LANES];
+        Self { radiance: zero, information: zero, chi2: zero, freedom: zero, guide: zero }
+    }
+}
+
+/// Solves all lanes; samples are clipped from the exposure `clipped` on, `like` lanes further
+/// is the next one of the same colour.
+#[inline(always)]
+pub(super) fn solve<V: VarianceOf>(
+    frames: &mut [Exposures],
+    noise: V,
+    clipped: f32,
+    like: usize,
+    out: &mut Solved,
+) {
+    start(frames, clipped, out);
+    out.guide = out.radiance;
+    for _ in 0..MOST {
+        if iterate(frames, noise, clipped, out) < SETTLED {
+            break;
+        }
+        find_guide(like, out);
+    }
+    misfit(frames, clipped, out);
+}
+
+/// Light over time of the exposures that are not clipped: optimal where only photons make noise.
+#[inline(always)]
+fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
+    let mut light = [0.0_f32; LANES];
+    let mut time = [0.0_f32; LANES];
+    let mut at_least = [0.0_f32; LANES];
+    out.freedom = [-1.0; LANES];
+    for frame in frames {
+        let mut open = 0.0_f32;
+        for l in 0..LANES {
+            let counts = if frame.x[l] < clipped { 1.0 } else { 0.0 };
+            let seen = frame.x[l] - frame.dark[l];
+            light[l] += counts * seen;
+            time[l] += counts * frame.time;
+            out.freedom[l] += counts;
+            open += counts;
+            at_least[l] = at_least[l].max((1.0 - counts) * seen / frame.time);
+        }
+        frame.clipped = if open == LANES as f32 {
+            Clipped::None
+        } else if open == 0.0 {
+            Clipped::All
+        } else {
+            Clipped::Some
+        };
+    }
+    for l in 0..LANES {
+        let measured = time[l] > 0.0;
+        // Not below what the clipped ones say.
+        let mean = (light[l] / time[l]).max(0.99 * at_least[l].min(f32::MAX));
+        out.radiance[l] = if measured { mean } else { at_least[l] };
+    }
+}
+
+/// One round of weights; returns the largest squared step in units of the variance.
+#[inline(always)]
+fn iterate<V: VarianceOf>(
+    frames: &mut [Exposures],
+    noise: V,
+    clipped: f32,
+    out: &mut Solved,
+) -> f32 {
+    let mut weighted = [0.0_f32; LANES];
+    let mut information = [0.0_f32; LANES];
+    let sigma = noise.variance(clipped).sqrt();
+    let dimmest = out.radiance.iter().copied().fold(f32::INFINITY, f32::min);
+    for frame in frames {
+        let t = frame.time;
+        if frame.clipped == Clipped::All && t * dimmest > clipped + EDGE * sigma {
+            continue;
+        }
+        for l in 0..LANES {
+            let typical = t * out.guide[l] + frame.dark[l];
+            let weight = t / (noise.variance(typical) + frame.dark_variance);
+            let open = frame.clipped == Clipped::None || frame.x[l] < clipped;
+            let weight = if open { weight } else { 0.0 };
+            frame.weight[l] = weight;
+            weighted[l] += weight * (frame.x[l] - frame.dark[l]);
+            information[l] += weight * t;
+        }
+        if frame.clipped != Clipped::None {
+            let sums = (&mut weighted, &mut information);
+            add_clipped(frame, noise, clipped, sigma, &out.radiance, sums);
+        }
+    }
+    let mut largest = 0.0_f32;
+    for l in 0..LANES {
+        // Exposures that are all clipped bound the radiance on one side only.
+        let known = out.freedom[l] >= 0.0;
+        let next = weighted[l] / information[l];
+        let next = if known { next } else { out.radiance[l] };
+        let step = next - out.radiance[l];
+        largest = largest.max(step * step * information[l]);
+        out.radiance[l] = next;
+        out.information[l] = if known { information[l] } else { 0.0 };
+    }
+    largest
+}
+
+/// Newton's step for the clipped samples of an exposure: score h/σ, information h (h − a)/V.
+#[inline(always)]
+fn add_clipped<V: VarianceOf>(
+    frame: &Exposures,
+    noise: V,
+    clipped: f32,
+    sigma: f32,
+    radiance: &[f32; LANES],
+    (weighted, information): (&mut [f32; LANES], &mut [f32; LANES]),
+) {
+    let t = frame.time;
+    // Far above clipping a sample is clipped anyway, which says nothing.
+    let certain = clipped + EDGE * sigma;
+    let mut near = [false; LANES];
+    for l in 0..LANES {
+        near[l] = frame.x[l] >= clipped && t * radiance[l] + frame.dark[l] < certain;
+    }
+    for l in (0..LANES).filter(|l| near[*l]) {
+        let mean = t * radiance[l] + frame.dark[l];
+        let variance = noise.variance(mean) + frame.dark_variance;
+        let sigma = variance.sqrt();
+        let a = (clipped - mean) / sigma;
+        let (score, slope) = if a < EDGE {
+            let h = hazard(a);
+            (t * h / sigma, h * (h - a) * t * t / variance)
+        } else {
+            // Clipped against all odds: what it says is where clipping begins.
+            (t * a / sigma, t * t / variance)
+        };
+        weighted[l] += score + slope * radiance[l];
+        information[l] += slope;
+    }
+}
+
+/// The radiance that weights are computed for: the sample's own where it is clear of its noise.
+#[inline(always)]
+fn find_guide(like: usize, out: &mut Solved) {
+    let mut dim = false;
+    for l in 0..LANES {
+        let clear = out.radiance[l].max(0.0).powi(2) * out.information[l];
+        dim |= clear < 16.0 * OWN * OWN && out.freedom[l] >= 0.0;
+    }
+    out.guide = out.radiance;
+    if !dim {
+        return;
+    }
+    // Sums of 2, 4, 8 and 16 like neighbours, from half of them before to half of them after;
+    // beyond the ends stands the outermost of the same colour.
+    let mut sums = [0.0_f32; LANES + NEIGHBOURS * MOST_LIKE];
+    let before = NEIGHBOURS / 2 * like;
+    sums[before..before + LANES].copy_from_slice(&out.radiance);
+    for k in 0..before {
+        sums[k] = out.radiance[k % like];
+        sums[before + LANES + k] = out.radiance[LANES - like + k % like];
+    }
+    let mut reach = like;
+    while reach < NEIGHBOURS * like {
+        for k in 0..LANES + NEIGHBOURS * like - reach {
+            sums[k] += sums[k + reach];
+        }
+        reach *= 2;
+    }
+    for l in 0..LANES {
+        let around = sums[l] / NEIGHBOURS as f32;
+        let clear = around.max(0.0).powi(2) * out.information[l] / (OWN * OWN);
+        out.guide[l] = (around + clear * out.radiance[l]) / (1.0 + clear);
+    }
+}
+
+#[inline(always)]
+fn misfit(frames: &[Exposures], clipped: f32, out: &mut Solved) {
+    out.chi2 = [0.0; LANES];
+    for frame in frames.iter().filter(|f| f.clipped != Clipped::All) {
+        let per_time = 1.0 / frame.time;
+        for l in 0..LANES {
+            let counts = if frame.x[l] < clipped { per_time } else { 0.0 };
+            let off = frame.x[l] - (frame.time * out.radiance[l] + frame.dark[l]);
+            out.chi2[l] += counts * off * off * frame.weight[l];
+        }
+    }
+}

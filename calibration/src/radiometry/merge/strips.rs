@@ -1,0 +1,313 @@
+//! The work over a whole picture: strips that memory holds, blocks that the first cache holds.
+
+use std::borrow::Cow;
+
+use rayon::prelude::*;
+
+use super::drift::{self, ExposureCheck};
+use super::sensor::Channel;
+use super::solve::{Exposures, LANES, Solved, solve};
+use super::{Dark, Frame, MasterDarkShape};
+use crate::error::Result;
+use crate::photo::Photo;
+use crate::radiometry::masters::FlatField;
+use crate::radiometry::noise::NoiseModel;
+use crate::radiometry::spool::{Plane, Spool};
+
+/// Samples of all frames that are worked on between two looks at the spool.
+const STRIP: usize = 16 << 20;
+
+/// Blocks of one piece of work; fixed, so that sums do not depend on the number of threads.
+const BLOCKS: usize = 16;
+
+/// A misfit so far above its expectation is no noise: by chance in fewer than 1 of 10⁶ samples.
+fn moved(chi2: f32, freedom: f32) -> bool {
+    freedom > 0.0 && chi2 > freedom + 6.0 * (2.0 * freedom).sqrt() + 18.0
+}
+
+/// What all pieces of work share.
+pub(super) struct Job<'a> {
+    pub shape: &'a Photo,
+    pub frames: &'a [Frame],
+    pub channels: &'a [Channel],
+    pub darks: &'a [(MasterDarkShape, Plane<f32>)],
+    pub flat: Option<&'a FlatField>,
+    pub noise: &'a NoiseModel,
+    pub noise_ratio: f64,
+}
+
+/// Counts over the picture.
+#[derive(Clone, Default)]
+pub(super) struct Tally {
+    pub clipped: usize,
+    pub lost: usize,
+    /// By exposure.
+    pub moved: Vec<usize>,
+}
+
+impl Tally {
+    fn plus(mut self, other: &Self) -> Self {
+        self.clipped += other.clipped;
+        self.lost += other.lost;
+        self.moved.resize(self.moved.len().max(other.moved.len()), 0);
+        self.moved.iter_mut().zip(&other.moved).for_each(|(a, b)| *a += b);
+        self
+    }
+}
+
+/// A strip of every frame and master dark.
+struct Strip<'a> {
+    codes: Vec<Cow<'a, [u16]>>,
+    darks: Vec<Cow<'a, [f32]>>,
+}
+
+/// One thread's room to work in.
+struct Bench {
+    exposures: Vec<Exposures>,
+    solved: Solved,
+}
+
+impl Bench {
+    fn new(frames: &[Frame]) -> Self {
+        let exposures = frames.iter().map(|frame| match frame.dark {
+            Dark::Even(_) => Exposures::new(frame.few.time, 0.0),
+            Dark::Measured { variance, .. } => Exposures::new(frame.few.time, variance),
+        });
+        Self { exposures: exposures.collect(), solved: Solved::new() }
+    }
+
+    fn solve(&mut self, channel: &Channel, like: usize, arch: pulp::Arch) {
+        let (frames, out) = (&mut self.exposures, &mut self.solved);
+        if channel.is_straight() {
+            arch.dispatch(|| solve(frames, channel.straight(), channel.clipped, like, out));
+        } else {
+            arch.dispatch(|| solve(frames, channel.curved(), channel.clipped, like, out));
+        }
+    }
+}
+
+/// Merges the few pixels, finds out how bright each exposure was, corrects the times that are
+/// wrong, and measures the noise.
+pub(super) fn compare(
+    frames: &mut [Frame],
+    channels: &[Channel],
+) -> (Vec<ExposureCheck>, Option<f64>) {
+    let times: Vec<f64> = frames.iter().map(|f| f.time).collect();
+    let mut checks = drift::chain(&times, &[]);
+    // The second round chooses its samples by the radiance that the first one corrected.
+    for _ in 0..2 {
+        let (radiance, _) = solve_few(frames, channels);
+        let mut order: Vec<usize> = (0..radiance.len()).collect();
+        order.sort_unstable_by(|a, b| radiance[*a].total_cmp(&radiance[*b]));
+        let mut steps: Vec<Option<(f64, f64)>> = frames
+            .par_windows(2)
+            .map(|pair| drift::step(&pair[0].few, &pair[1].few, &radiance, &order, channels))
+            .collect();
+        // In units of the nominal times.
+        for (step, pair) in steps.iter_mut().zip(checks.windows(2)) {
+            let so_far = pair[0].gain / pair[1].gain;
+            *step = step.map(|(ratio, sigma)| (ratio * so_far, sigma * so_far));
+        }
+        checks = drift::chain(&times, &steps);
+        for (frame, check) in frames.iter_mut().zip(&checks) {
+            frame.few.time = (frame.time * check.gain) as f32;
+        }
+    }
+    let (_, mut ratios) = solve_few(frames, channels);
+    let middle = ratios.len() / 2;
+    let ratio = (!ratios.is_empty())
+        .then(|| f64::from(*ratios.select_nth_unstable_by(middle, f32::total_cmp).1).sqrt());
+    (checks, ratio)
+}
+
+/// Radiance of the few pixels, and each one's misfit over its median expectation.
+fn solve_few(frames: &[Frame], channels: &[Channel]) -> (Vec<f32>, Vec<f32>) {
+    let all = frames.first().map_or(0, |f| f.few.light.len());
+    let each = all / channels.len().max(1);
+    let arch = pulp::Arch::new();
+    let starts: Vec<(usize, usize)> = (0..channels.len())
+        .flat_map(|c| (0..each).step_by(LANES).map(move |from| (c, c * each + from)))
+        .collect();
+    let parts: Vec<(Vec<f32>, Vec<f32>)> = starts
+        .par_iter()
+        .map_init(
+            || Bench::new(frames),
+            |bench, &(c, from)| {
+                let count = LANES.min((c + 1) * each - from);
+                for (exposure, frame) in bench.exposures.iter_mut().zip(frames) {
+                    for l in 0..count {
+                        let few = &frame.few;
+                        exposure.dark[l] = few.dark[from + l];
+                        exposure.x[l] = few.light[from + l] + few.dark[from + l];
+                    }
+                }
+                bench.solve(&channels[c], 1, arch);
+                let out = &bench.solved;
+                let ratios = (0..count).filter(|&l| out.freedom[l] > 0.0).map(|l| {
+                    // Wilson & Hilferty (1931): the median of χ² is n (1 − 2/(9n))³.
+                    let n = out.freedom[l];
+                    out.chi2[l] / (n * (1.0 - 2.0 / (9.0 * n)).powi(3))
+                });
+                (out.radiance[..count].to_vec(), ratios.collect())
+            },
+        )
+        .collect();
+    let (radiance, ratios): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+    (radiance.concat(), ratios.concat())
+}
+
+/// Radiance and variance of every sample, and the counts.
+pub(super) fn run(job: &Job, spool: &mut Spool) -> Result<(Vec<f32>, Vec<f32>, Tally)> {
+    let samples = job.shape.samples();
+    let (mut radiance, mut variance) = (vec![0.0_f32; samples], vec![0.0_f32; samples]);
+    let piece = BLOCKS * LANES * job.shape.channels;
+    let long = (STRIP / job.frames.len() / piece).max(1) * piece;
+    let mut tally = Tally::default();
+    let arch = pulp::Arch::new();
+    let strips = radiance.chunks_mut(long).zip(variance.chunks_mut(long));
+    for (k, (radiance, variance)) in strips.enumerate() {
+        let range = k * long..k * long + radiance.len();
+        let mut strip = Strip { codes: Vec::new(), darks: Vec::new() };
+        for frame in job.frames {
+            strip.codes.push(spool.part(&frame.codes, range.clone())?);
+        }
+        for (_, plane) in job.darks {
+            strip.darks.push(spool.part(plane, range.clone())?);
+        }
+        let tallies: Vec<Tally> = radiance
+            .par_chunks_mut(piece)
+            .zip(variance.par_chunks_mut(piece))
+            .enumerate()
+            .map_init(
+                || Bench::new(job.frames),
+                |bench, (i, (radiance, variance))| {
+                    let at = i * piece;
+                    work(job, &strip, at, arch, bench, radiance, variance);
+                    let mut tally = Tally { moved: vec![0; job.frames.len()], ..Tally::default() };
+                    finish(job, &strip, range.start, at, radiance, variance, &mut tally);
+                    tally
+                },
+            )
+            .collect();
+        tally = tallies.iter().fold(tally, Tally::plus);
+    }
+    Ok((radiance, variance, tally))
+}
+
+/// Solves one piece. Where a sample's exposures disagree, its variance comes out negative, for
+/// [`finish`] to look into.
+fn work(
+    job: &Job,
+    strip: &Strip,
+    at: usize,
+    arch: pulp::Arch,
+    bench: &mut Bench,
+    radiance: &mut [f32],
+    variance: &mut [f32],
+) {
+    let n = job.shape.channels;
+    let size = radiance.len();
+    let straight = job.channels[0].is_straight();
+    // The channels of a linear camera are alike: samples are taken as they lie.
+    let (parts, stride) = if straight { (1, 1) } else { (n, n) };
+    // In a mosaic every other sample is of the same colour; in a grey picture it does no harm.
+    let like = if !straight { 1 } else { n.max(2) };
+    let worse = (job.noise_ratio * job.noise_ratio).max(1.0) as f32;
+    for part in 0..parts {
+        let channel = &job.channels[part];
+        let mut first = part;
+        while first < size {
+            let count = LANES.min((size - first).div_ceil(stride));
+            for (k, frame) in job.frames.iter().enumerate() {
+                let exposure = &mut bench.exposures[k];
+                let codes = &strip.codes[k][at + first..];
+                load(codes, stride, count, channel, &mut exposure.x);
+                match frame.dark {
+                    Dark::Even(level) => exposure.dark = [level; LANES],
+                    Dark::Measured { masters: [a, b], share, .. } => {
+                        let (a, b) = (&strip.darks[a], &strip.darks[b]);
+                        for l in 0..count {
+                            let (a, b) = (a[at + first + l * stride], b[at + first + l * stride]);
+                            exposure.dark[l] = channel.exposure_of(a + share * (b - a));
+                        }
+                    }
+                }
+            }
+            bench.solve(channel, like, arch);
+            let out = &bench.solved;
+            for l in 0..count {
+                let place = first + l * stride;
+                radiance[place] = out.radiance[l];
+                let least = 1.0 / out.information[l];
+                let strange = moved(out.chi2[l] / worse, out.freedom[l]);
+                variance[place] =
+                    if strange { -least * out.chi2[l] / out.freedom[l] } else { least };
+            }
+            first += count * stride;
+        }
+    }
+}
+
+/// Codes to exposures above black.
+#[inline]
+fn load(codes: &[u16], stride: usize, count: usize, channel: &Channel, x: &mut [f32; LANES]) {
+    if let Some((scale, black)) = channel.line() {
+        x.iter_mut().zip(codes).take(count).for_each(|(x, c)| *x = f32::from(*c) * scale - black);
+        return;
+    }
+    let table = &channel.exposure;
+    let last = table.len() - 1;
+    for (x, code) in x.iter_mut().zip(codes.iter().step_by(stride)).take(count) {
+        *x = table[usize::from(*code).min(last)];
+    }
+}
+
+/// Flat field, and the counts of what was clipped, lost or moved.
+fn finish(
+    job: &Job,
+    strip: &Strip,
+    start: usize,
+    at: usize,
+    radiance: &mut [f32],
+    variance: &mut [f32],
+    tally: &mut Tally,
+) {
+    let n = job.shape.channels;
+    let longest = job.frames.last().map_or(1.0, |f| f.few.time);
+    let lost = (job.noise.read_noise / job.noise.full_scale) as f32 / longest;
+    let clipped = job.noise.saturation.ceil().clamp(0.0, 65535.0) as u16;
+    let shortest = &strip.codes[0][at..at + radiance.len()];
+    for (codes, radiance) in shortest.chunks_exact(n).zip(radiance.chunks_exact(n)) {
+        tally.clipped += usize::from(codes.iter().any(|c| *c >= clipped));
+        tally.lost += usize::from(radiance.iter().all(|l| *l <= lost));
+    }
+    for (i, variance) in variance.iter_mut().enumerate().filter(|(_, v)| **v < 0.0) {
+        *variance = -*variance;
+        let channel = &job.channels[(i % n).min(job.channels.len() - 1)];
+        let off = |k: usize| {
+            let frame = &job.frames[k];
+            let dark = match frame.dark {
+                Dark::Even(level) => level,
+                Dark::Measured { masters: [a, b], share, .. } => {
+                    let (a, b) = (strip.darks[a][at + i], strip.darks[b][at + i]);
+                    channel.exposure_of(a + share * (b - a))
+                }
+            };
+            let mean = frame.few.time * radiance[i] + dark;
+            let code = usize::from(strip.codes[k][at + i]).min(channel.exposure.len() - 1);
+            let counts = if mean < channel.clipped { 1.0 } else { 0.0 };
+            counts * (channel.exposure[code] - mean).powi(2) / channel.variance(mean)
+        };
+        let worst = (0..job.frames.len()).max_by(|a, b| off(*a).total_cmp(&off(*b)));
+        if let Some(worst) = worst {
+            tally.moved[worst] += 1;
+        }
+    }
+    if let Some(flat) = job.flat {
+        let gains = &flat.gain[start + at..];
+        for ((radiance, variance), gain) in radiance.iter_mut().zip(variance).zip(gains) {
+            *radiance /= gain;
+            *variance = *variance / (gain * gain) + flat.relative_variance * *radiance * *radiance;
+        }
+    }
+}
