@@ -6,6 +6,7 @@
 
 mod colour;
 mod cv;
+mod detection;
 mod error;
 mod geometry;
 mod photo;
@@ -13,8 +14,13 @@ mod radiometry;
 
 pub use colour::chart::{Patch, WhiteBalance, find_chart, white_balance};
 pub use cv::opencv_version;
+pub use detection::board::{Board, Markers};
+pub use detection::dictionary::MarkerDictionary;
+pub use detection::found::{DroppedCorner, FoundBoard, SeenCorner, detect_board, find_board};
+pub use detection::missing::NoBoard;
+pub use detection::quality::BoardQuality;
+pub use detection::views::{BoardViews, find_views};
 pub use error::{CalibrationError, Result};
-pub use geometry::board::{Board, find_board};
 pub use geometry::camera::{
     CameraCalibration, CameraModel, View, ViewFit, calibrate_camera, pose_from_points,
     reprojection_rms,
@@ -26,7 +32,6 @@ pub use geometry::projector::{
     ProjectorCalibration, ProjectorView, ProjectorViewFit, calibrate_projector,
 };
 pub use geometry::rectify::{FaceMap, rectify};
-pub use geometry::views::{BoardViews, find_views};
 pub use photo::{Photo, list_pictures};
 pub use radiometry::debevec::{recover_response, recover_response_above};
 pub use radiometry::exposure::{ExposureTable, exif_exposure_s, parse_seconds};

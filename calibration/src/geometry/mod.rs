@@ -1,6 +1,5 @@
-//! Where things are: boards in pictures, camera, projector, and pictures laid onto a face.
+//! Where things are: camera, projector, and pictures laid onto a face.
 
-pub(crate) mod board;
 pub(crate) mod camera;
 pub(crate) mod face;
 pub(crate) mod levenberg;
@@ -8,4 +7,3 @@ pub(crate) mod pose;
 pub(crate) mod projected;
 pub(crate) mod projector;
 pub(crate) mod rectify;
-pub(crate) mod views;

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::detection::board::Board;
+use crate::detection::found::find_in_grey;
 use crate::error::{CalibrationError, Result};
-use crate::geometry::board::{Board, find_in_grey};
 use crate::geometry::camera::{CameraModel, pose_from_points};
 use crate::geometry::face::intersect;
 use crate::geometry::pose::Pose;
@@ -74,7 +75,7 @@ pub fn observe_projected_board(
     white: &Photo,
     pattern: &Photo,
 ) -> Result<ProjectorView> {
-    let shape = Board { columns: projected.columns, rows: projected.rows, square_mm: 1.0 };
+    let shape = Board::chessboard(projected.columns, projected.rows, 1.0);
     if !shape.has_one_orientation() {
         return Err(CalibrationError::BadInput {
             what: "projected board".into(),
@@ -101,7 +102,7 @@ pub fn observe_projected_board(
     if board_points.len() != corners.len() {
         return Err(CalibrationError::BoardNotFound {
             picture: pattern.name.clone(),
-            board: format!("{}x{}", projected.columns, projected.rows),
+            board: shape.to_string(),
             reason: "its corners do not lie on the printed board's plane".into(),
         });
     }

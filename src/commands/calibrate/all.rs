@@ -291,7 +291,7 @@ fn projected_view(
     shown: &Chessboard,
     mirrored: bool,
 ) -> Result<ProjectorView, CalibrationError> {
-    let board = Board { columns: shown.columns, rows: shown.rows, square_mm: 1.0 };
+    let board = Board::chessboard(shown.columns, shown.rows, 1.0);
     let corners = if mirrored {
         let edge = photo.width as f64 - 1.0;
         find_board(&flipped(photo), &board)?.into_iter().map(|[x, y]| [edge - x, y]).collect()
