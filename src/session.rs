@@ -143,11 +143,7 @@ impl Config {
             ));
         }
         if let RigConfig::Simulated { board, .. } = &self.rig {
-            calibration::Board::parse(
-                &format!("{}x{}", board.columns, board.rows),
-                board.square_mm,
-            )
-            .map_err(|e| format!("rig.{e}"))?;
+            board.check().map_err(|e| format!("rig.{e}"))?;
         }
         Ok(())
     }

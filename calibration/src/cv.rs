@@ -40,6 +40,22 @@ pub(crate) fn homography(from: &[[f64; 2]], to: &[[f64; 2]]) -> Result<[f64; 9]>
     run().map_err(CalibrationError::opencv("fitting a plane map"))
 }
 
+/// The plane projective map that takes most of `from` to within `tolerance` of `to`; None if no
+/// map takes even four.
+pub(crate) fn homography_of_most(
+    from: &[[f64; 2]],
+    to: &[[f64; 2]],
+    tolerance: f64,
+) -> Result<Option<[f64; 9]>> {
+    let run = || -> opencv::Result<_> {
+        let (from, to) = (points_f32(from), points_f32(to));
+        let mut inliers = Mat::default();
+        let h = calib3d::find_homography(&from, &to, &mut inliers, calib3d::RANSAC, tolerance)?;
+        if h.empty() { Ok(None) } else { numbers(&h).map(Some) }
+    };
+    run().map_err(CalibrationError::opencv("fitting a plane map"))
+}
+
 /// Where a plane map takes a point.
 pub(crate) fn apply_homography(h: &[f64; 9], [x, y]: [f64; 2]) -> [f64; 2] {
     let w = h[6] * x + h[7] * y + h[8];

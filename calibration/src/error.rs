@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::detection::missing::NoBoard;
+
 /// Result of everything in this crate.
 pub type Result<T> = std::result::Result<T, CalibrationError>;
 
@@ -50,15 +52,15 @@ pub enum CalibrationError {
         /// What was given.
         found: String,
     },
-    /// The chessboard is not in the picture, or not well enough.
-    #[error("{picture}: no {board} chessboard found: {reason}")]
+    /// The board is not in the picture, or not well enough.
+    #[error("{picture}: no {board} found: {reason}")]
     BoardNotFound {
         /// The picture's name.
         picture: String,
-        /// Inner corners, columns x rows.
+        /// Which board.
         board: String,
         /// The likeliest cause.
-        reason: String,
+        reason: NoBoard,
     },
     /// Too few views for a calibration.
     #[error("{what} needs at least {needed} views, found {found}")]

@@ -6,6 +6,7 @@
 
 mod colour;
 mod cv;
+mod detection;
 mod error;
 mod geometry;
 mod photo;
@@ -14,8 +15,13 @@ mod structured_light;
 
 pub use colour::chart::{Patch, WhiteBalance, find_chart, white_balance};
 pub use cv::opencv_version;
+pub use detection::board::{Board, Markers};
+pub use detection::dictionary::MarkerDictionary;
+pub use detection::found::{DroppedCorner, FoundBoard, SeenCorner, detect_board, find_board};
+pub use detection::missing::NoBoard;
+pub use detection::quality::BoardQuality;
+pub use detection::views::{BoardViews, find_views};
 pub use error::{CalibrationError, Result};
-pub use geometry::board::{Board, find_board};
 pub use geometry::calibrate::{Choice, calibrate_geometry};
 pub use geometry::camera::{View, pose_from_points, reprojection_rms};
 pub use geometry::camera_model::{CameraModel, INTRINSIC_NAMES, INTRINSICS};
@@ -28,7 +34,6 @@ pub use geometry::result::{
 };
 pub use geometry::rig_view::{CodedCorner, ProjectedPoint, RigView, Sight};
 pub use geometry::selection::{ModelTrial, Selection};
-pub use geometry::views::{BoardViews, find_views};
 pub use photo::{Photo, list_pictures};
 pub use radiometry::debevec::{recover_response, recover_response_above};
 pub use radiometry::exposure::{ExposureTable, exif_exposure_s, parse_seconds};

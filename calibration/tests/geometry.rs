@@ -1,8 +1,8 @@
 //! Cameras, projectors and faces whose truth is known, seen in rendered pictures.
 
 use calibration::{
-    Board, CameraModel, Choice, Distortion, FacePlane, HdrImage, Photo, Pose, ProjectedPoint, RigView,
-    calibrate_geometry, find_board, rectify,
+    Board, CameraModel, Choice, Distortion, FacePlane, HdrImage, Photo, Pose, ProjectedPoint,
+    RigView, calibrate_geometry, find_board, rectify,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -4,8 +4,8 @@
 mod common;
 
 use calibration::{
-    Board, CalibrationError, Choice, Distortion, Geometry, RigView, View, calibrate_geometry,
-    find_views, list_pictures,
+    Board, CalibrationError, Choice, Distortion, Geometry, NoBoard, Photo, RigView, View,
+    calibrate_geometry, detect_board, find_views, list_pictures,
 };
 
 fn camera_of(views: Vec<View>, size: [usize; 2], choice: Choice) -> Geometry {
@@ -100,4 +100,93 @@ fn pictures_of_mixed_sizes_and_without_boards_are_told_apart() {
     assert_eq!((empty.views.len(), empty.missed.len()), (0, 2));
     let few = calibrate_geometry(&[], empty.size, None, Choice::default());
     assert!(matches!(few, Err(CalibrationError::TooFewViews { found: 0, .. })), "{few:?}");
+}
+
+/// A copy of a picture with other grey levels or another size.
+fn changed(picture: &image::GrayImage, name: &str) -> Photo {
+    Photo {
+        width: picture.width() as usize,
+        height: picture.height() as usize,
+        channels: 1,
+        data: picture.iter().map(|&v| u16::from(v)).collect(),
+        max_value: 255,
+        name: name.into(),
+    }
+}
+
+fn reason(photo: &Photo, board: &str) -> NoBoard {
+    match detect_board(photo, &Board::parse(board, 25.0).unwrap()) {
+        Err(CalibrationError::BoardNotFound { reason, picture, .. }) => {
+            assert_eq!(picture, photo.name);
+            eprintln!("{picture}: {reason}");
+            reason
+        }
+        other => panic!("{}: {:?}", photo.name, other.map(|b| b.quality)),
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_spoiled_picture_is_told() {
+    let Some(dir) = common::data("chessboard/opencv_stereo") else { return };
+    for name in ["left01.jpg", "left09.jpg"] {
+        let real = image::open(dir.join(name)).unwrap().to_luma8();
+        let (width, height) = real.dimensions();
+        let gain = |factor: f32| {
+            let code = |x, y| (f32::from(real.get_pixel(x, y)[0]) * factor).round() as u8;
+            image::GrayImage::from_fn(width, height, |x, y| image::Luma([code(x, y)]))
+        };
+        // A fiftieth of the light leaves five codes.
+        let dark = reason(&changed(&gain(0.02), "dark"), "9x6");
+        assert!(matches!(dark, NoBoard::TooDark { .. } | NoBoard::TooFaint { .. }), "{dark:?}");
+        // Sixteen times the light lifts the dark squares to full scale as well.
+        let clipped = reason(&changed(&gain(16.0), "clipped"), "9x6");
+        assert!(matches!(clipped, NoBoard::Clipped { .. }), "{clipped:?}");
+        // Squares of 22 to 40 pixels under blurs of 20 to 77 px from 10 to 90 %.
+        for sigma in [8.0, 20.0, 30.0] {
+            let soft = image::imageops::blur(&real, sigma);
+            let blurred = reason(&changed(&soft, &format!("blurred by {sigma}")), "9x6");
+            assert!(matches!(blurred, NoBoard::Blurred { .. }), "{blurred:?}");
+        }
+        // Squares of 3 to 6 pixels.
+        for factor in [6, 8] {
+            let filter = image::imageops::FilterType::Triangle;
+            let little = image::imageops::resize(&real, width / factor, height / factor, filter);
+            let small = reason(&changed(&little, &format!("1/{factor}")), "9x6");
+            assert!(matches!(small, NoBoard::TooSmall { .. }), "{small:?}");
+        }
+    }
+    // The right columns out of the frame.
+    let real = image::open(dir.join("left01.jpg")).unwrap().to_luma8();
+    let part = image::imageops::crop_imm(&real, 0, 0, 448, 480).to_image();
+    let cut = reason(&changed(&part, "cut"), "9x6");
+    assert!(matches!(cut, NoBoard::PartlyOutside { .. }), "{cut:?}");
+}
+
+#[test]
+fn a_board_of_another_size_is_told_by_its_own() {
+    let Some(dir) = common::data("chessboard/opencv_stereo") else { return };
+    for name in ["left05.jpg", "left11.jpg"] {
+        let photo = Photo::load(dir.join(name)).unwrap();
+        // Larger, smaller (of which many are to be seen in it), and in between.
+        for board in ["9x7", "6x4", "8x5"] {
+            let other = reason(&photo, board);
+            assert!(
+                matches!(other, NoBoard::OtherBoard { seen: Some([9, 6]), .. }),
+                "{name} as {board}: {other:?}"
+            );
+        }
+        // Rows and columns may change names.
+        assert!(detect_board(&photo, &Board::parse("6x9", 25.0).unwrap()).is_ok());
+    }
+}
+
+#[test]
+fn real_boards_of_a_projector_rig_are_found() {
+    let Some(dir) = common::data("procam/kamino410") else { return };
+    let board = Board::parse("9x7", 75.0).unwrap();
+    for pose in 0..5 {
+        let photo = Photo::load(dir.join(format!("capture_{pose}/graycode_40.png"))).unwrap();
+        let found = detect_board(&photo, &board).unwrap();
+        assert_eq!((found.corners.len(), found.dropped.len()), (63, 0), "pose {pose}");
+    }
 }

@@ -79,7 +79,7 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
         },
         rig: RigConfig::Simulated {
             sample: spec,
-            board: Board { columns, rows, square_mm },
+            board: Board::chessboard(columns, rows, square_mm),
             noise: NoiseModel {
                 black_level: sensor.black_code(),
                 read_noise: sensor.read_noise_code(),

@@ -1,6 +1,5 @@
-//! Where things are: boards in pictures, camera, projector, and pictures laid onto a face.
+//! Where things are: camera, projector, and pictures laid onto a face.
 
-pub(crate) mod board;
 mod bundle;
 pub(crate) mod calibrate;
 pub(crate) mod camera;
@@ -13,5 +12,4 @@ mod resection;
 pub(crate) mod result;
 pub(crate) mod rig_view;
 pub(crate) mod selection;
-pub(crate) mod views;
 mod zhang;

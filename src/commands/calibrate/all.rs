@@ -5,8 +5,8 @@ use crate::output::{Done, Progress};
 use crate::session::{RigConfig, Session};
 use calibration::{
     Board, CalibrationError, CameraModel, Choice, FacePlane, Geometry, HdrImage, NoiseModel, Photo,
-    Pose, ProjectedPoint, ProjectorGeometry, Response, RigView, View, WhiteBalance,
-    calibrate_geometry, find_board, find_chart, merge, pose_from_points, recover_response_above,
+    Pose, ProjectedPoint, ProjectorGeometry, Response, RigView, SeenCorner, View, WhiteBalance,
+    calibrate_geometry, detect_board, find_chart, merge, pose_from_points, recover_response_above,
     rectify, reprojection_rms, white_balance,
 };
 use material::{Face, Overwrite};
@@ -140,13 +140,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     let mut progress = Progress::new("calibrate", 5);
 
     progress.set(0, "camera");
-    let printed: Vec<View> = found_boards(session, "board", |photo| {
-        Ok(View {
-            name: photo.name.clone(),
-            image_points: find_board(&photo, &board)?,
-            object_points: board.object_points(),
-        })
-    })?;
+    let printed: Vec<View> = found_boards(session, "board", |photo| board.view(&photo))?;
     let size = printed.first().map_or(Ok([0, 0]), |v| {
         let photo = frame_photo(session, &v.name, 0)?;
         Ok::<_, Failure>([photo.width, photo.height])
@@ -301,16 +295,17 @@ fn projected_points(
     shown: &Chessboard,
     mirrored: bool,
 ) -> Result<Vec<ProjectedPoint>, CalibrationError> {
-    let board = Board { columns: shown.columns, rows: shown.rows, square_mm: 1.0 };
-    let corners = if mirrored {
-        let edge = photo.width as f64 - 1.0;
-        find_board(&flipped(photo), &board)?.into_iter().map(|[x, y]| [edge - x, y]).collect()
-    } else {
-        find_board(photo, &board)?
+    let board = Board::chessboard(shown.columns, shown.rows, 1.0);
+    let edge = photo.width as f64 - 1.0;
+    let found =
+        if mirrored { detect_board(&flipped(photo), &board) } else { detect_board(photo, &board) }?;
+    let shown = shown.corners_px();
+    let point = |corner: &SeenCorner| {
+        let [x, y] = corner.pixel;
+        let camera_px = if mirrored { [edge - x, y] } else { [x, y] };
+        Some(ProjectedPoint { camera_px, projector_px: *shown.get(corner.index)? })
     };
-    let pairs = corners.into_iter().zip(shown.corners_px());
-    let point = |(camera_px, projector_px)| ProjectedPoint { camera_px, projector_px };
-    Ok(pairs.map(point).collect())
+    Ok(found.corners.iter().filter_map(point).collect())
 }
 
 fn flipped(photo: &Photo) -> Photo {
@@ -358,10 +353,10 @@ fn face_pose(
     let [width, height, _] = session.config.sample.grid.size_mm();
     let half = |n: usize| (n as f64 - 1.0) * board.square_mm / 2.0;
     let (x0, y0) = (width / 2.0 - half(board.columns), height / 2.0 - half(board.rows));
-    let object_points =
-        board.object_points().into_iter().map(|[x, y, z]| [x + x0, y + y0, z]).collect();
-    let view =
-        View { name: photo.name.clone(), image_points: find_board(&photo, board)?, object_points };
+    let mut view = board.view(&photo)?;
+    for point in &mut view.object_points {
+        *point = [point[0] + x0, point[1] + y0, point[2]];
+    }
     let pose = pose_from_points(camera, &view)?;
     Ok((pose, reprojection_rms(camera, &pose, &view)))
 }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
+use crate::detection::board::Board;
+use crate::detection::found::{FoundBoard, detect_board};
 use crate::error::{CalibrationError, Result};
-use crate::geometry::board::Board;
 use crate::geometry::camera::View;
 use crate::photo::Photo;
 
@@ -16,6 +17,8 @@ pub struct BoardViews {
     pub size: [usize; 2],
     /// The views found, in the order of the pictures.
     pub views: Vec<View>,
+    /// What was found in each: quality of the picture, and corners that were left out.
+    pub boards: Vec<FoundBoard>,
     /// Why the board was not found in the others.
     pub missed: Vec<CalibrationError>,
 }
@@ -30,7 +33,7 @@ pub fn find_views(pictures: &[PathBuf], board: &Board) -> Result<BoardViews> {
         .par_iter()
         .map(|path| {
             let photo = Photo::load(path)?;
-            Ok(([photo.width, photo.height], photo.name.clone(), board.view(&photo)))
+            Ok(([photo.width, photo.height], photo.name.clone(), detect_board(&photo, board)))
         })
         .collect::<Result<_>>()?;
     let Some(&(size, ref first, _)) = found.first() else {
@@ -47,14 +50,15 @@ pub fn find_views(pictures: &[PathBuf], board: &Board) -> Result<BoardViews> {
             found: format!("{}x{} pixels", other[0], other[1]),
         });
     }
-    let mut views = Vec::new();
+    let mut boards = Vec::new();
     let mut missed = Vec::new();
-    for (_, _, view) in found {
-        match view {
-            Ok(view) => views.push(view),
+    for (_, _, board) in found {
+        match board {
+            Ok(board) => boards.push(board),
             Err(error @ CalibrationError::BoardNotFound { .. }) => missed.push(error),
             Err(error) => return Err(error),
         }
     }
-    Ok(BoardViews { size, views, missed })
+    let views = boards.iter().map(|found| found.view(board)).collect();
+    Ok(BoardViews { size, views, boards, missed })
 }
