@@ -2,6 +2,10 @@
 
 mod all;
 mod camera;
+mod convert;
+mod options;
+mod points;
+mod projector;
 
 pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
 
@@ -13,13 +17,19 @@ use clap::Subcommand;
 pub(crate) enum Args {
     /// Everything that a session needs, from its own pictures
     All(all::Args),
-    /// A camera, from any folder of photographs of a chessboard
+    /// A camera, from any folder of photographs of a board
     Camera(camera::Args),
+    /// A camera and a projector, from coded light on a printed board
+    Projector(projector::Args),
+    /// A geometric calibration for other programs, or from them
+    Convert(convert::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     match args {
         Args::All(args) => all::run(args),
         Args::Camera(args) => camera::run(args),
+        Args::Projector(args) => projector::run(args),
+        Args::Convert(args) => convert::run(args),
     }
 }
