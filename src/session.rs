@@ -4,7 +4,7 @@ use crate::Failure;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
 use rig::{Acquisition, Chessboard, ProjectorMethod};
 use serde::{Deserialize, Serialize};
-use simulator::{SampleSpec, SimulatedRig};
+use simulator::{Imperfections, SampleSpec, SimulatedRig};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -77,9 +77,16 @@ pub(crate) enum RigConfig {
         board: calibration::Board,
         /// The camera's noise figures.
         noise: calibration::NoiseModel,
+        /// What the simulated rig gets wrong.
+        #[serde(default, skip_serializing_if = "is_plain")]
+        imperfections: Imperfections,
     },
     /// Pictures that were taken elsewhere; there is nothing to capture.
     Imported,
+}
+
+fn is_plain(imperfections: &Imperfections) -> bool {
+    *imperfections == Imperfections::default()
 }
 
 /// What is captured.
@@ -181,7 +188,8 @@ impl Config {
                 shown.columns, shown.rows
             ));
         }
-        if let RigConfig::Simulated { board, .. } = &self.rig {
+        if let RigConfig::Simulated { board, imperfections, .. } = &self.rig {
+            imperfections.check().map_err(|e| format!("rig.imperfections.{e}"))?;
             board.check().map_err(|e| format!("rig.{e}"))?;
         }
         Ok(())
@@ -319,8 +327,9 @@ impl Session {
     /// The simulated rig, if that is what this session has.
     pub fn simulated(&self) -> Result<Option<SimulatedRig>, Failure> {
         match &self.config.rig {
-            RigConfig::Simulated { sample, .. } => {
-                Ok(Some(SimulatedRig::new(sample, self.config.sample.lit_face)?))
+            RigConfig::Simulated { sample, imperfections, .. } => {
+                let lit_face = self.config.sample.lit_face;
+                Ok(Some(SimulatedRig::with(sample, lit_face, imperfections)?))
             }
             RigConfig::Imported => Ok(None),
         }

@@ -2,6 +2,8 @@
 //! response and noise, and a bench that puts calibration targets in their places. It implements
 //! the traits of `rig`, so everything above cannot tell it from hardware.
 
+#[cfg(test)]
+mod code_tests;
 mod imperfections;
 mod lens;
 mod optical_setup;
