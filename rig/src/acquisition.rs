@@ -63,9 +63,9 @@ impl ProjectorMethod {
     }
 }
 
-/// Exposures of the burst that shows a colour wheel: eleven steps up to 1/60 s, of no common
-/// period, so that a wheel of any period is caught at all its phases.
-const BURST: (f64, f64, usize) = (1.0 / 1000.0, 1.0 / 60.0, 11);
+/// Exposures of the burst that shows a colour wheel: shortest, longest and number, from far less
+/// than a turn to several, in uneven steps.
+const BURST: (f64, f64, usize) = (1.0 / 1000.0, 1.0 / 40.0, 16);
 /// Frames at each exposure of the burst: each catches another phase of the wheel.
 const BURST_REPEATS: u32 = 8;
 /// Frames at each exposure from which the camera's noise is measured: pairs, whose difference
@@ -99,6 +99,19 @@ pub fn uneven_bracket(shortest_s: f64, longest_s: f64, count: usize) -> Vec<f64>
         shortest_s * (longest_s / shortest_s).powf(place)
     };
     (0..count).map(exposure).collect()
+}
+
+/// Names of the shots of [`Acquisition::light_plan`] beside the ramp: dark frames, the burst, and
+/// white once more.
+pub const DARK_SHOT: &str = "light-dark";
+/// See [`DARK_SHOT`].
+pub const BURST_SHOT: &str = "light-burst";
+/// See [`DARK_SHOT`].
+pub const WHITE_AGAIN_SHOT: &str = "light-white-again";
+
+/// Name of the ramp's shot at a level.
+pub fn grey_shot(level: f64) -> String {
+    format!("light-grey-{:03}", (255.0 * level).round())
 }
 
 /// Name of picture `index` of the code on the sheet over the board in a pose.
@@ -171,7 +184,8 @@ impl Acquisition {
     }
 
     /// What the projector's light is: a ramp of grey levels on the white sheet, and a burst of
-    /// short exposures that shows its colour wheel; and dark frames of the same exposures.
+    /// short exposures that shows its colour wheel; white once more, which tells a drift of the
+    /// lamp; and dark frames of the same exposures.
     pub fn light_plan(&self) -> Plan {
         let target = Target::FaceSheet { face: self.lit_face };
         let shot = |name: String, exposures_s: Vec<f64>, repeats, target, pattern| Shot {
@@ -183,15 +197,22 @@ impl Acquisition {
             pattern,
         };
         let exposures = self.ramp_exposures_s();
-        let dark = shot("light-dark".into(), exposures.clone(), 1, Target::Dark, Pattern::Black);
+        let dark = shot(DARK_SHOT.into(), exposures.clone(), 1, Target::Dark, Pattern::Black);
         let mut shots = vec![dark];
         for level in self.ramp() {
-            let name = format!("light-grey-{:03}", (255.0 * level).round());
-            shots.push(shot(name, exposures.clone(), 1, target, Pattern::Grey { level }));
+            shots.push(shot(
+                grey_shot(level),
+                exposures.clone(),
+                1,
+                target,
+                Pattern::Grey { level },
+            ));
         }
         let (shortest, longest, count) = BURST;
         let burst = uneven_bracket(shortest, longest, count);
-        shots.push(shot("light-burst".into(), burst, BURST_REPEATS, target, Pattern::White));
+        shots.push(shot(BURST_SHOT.into(), burst, BURST_REPEATS, target, Pattern::White));
+        let again = Pattern::Grey { level: 1.0 };
+        shots.push(shot(WHITE_AGAIN_SHOT.into(), exposures.clone(), 1, target, again));
         Plan { shots }
     }
 

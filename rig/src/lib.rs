@@ -13,7 +13,10 @@ mod plan;
 mod render;
 mod runner;
 
-pub use acquisition::{Acquisition, ProjectorMethod, bracket, code_shot, uneven_bracket};
+pub use acquisition::{
+    Acquisition, BURST_SHOT, DARK_SHOT, ProjectorMethod, WHITE_AGAIN_SHOT, bracket, code_shot,
+    grey_shot, uneven_bracket,
+};
 pub use code::{CodeSequence, PhaseShift};
 pub use device::{
     Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Rig, Target,

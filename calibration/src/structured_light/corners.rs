@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::structured_light::decode::{CodeMap, Decoded};
-use crate::structured_light::homography::{Equation, fit};
+use crate::structured_light::homography::{Equation, LocalFit, fit};
 use crate::structured_light::steps::StepMap;
 
 /// A corner of the board as the projector "sees" it.
@@ -12,6 +12,8 @@ use crate::structured_light::steps::StepMap;
 pub struct LitCorner {
     /// Projector pixel, the centre of the first at (0, 0).
     pub pixel: [f64; 2],
+    /// ∂(projector pixel)/∂(camera pixel) there, row by row.
+    pub slope: [[f64; 2]; 2],
     /// 1-sigma of either coordinate, projector pixels, without the corner's own error in the
     /// camera's picture.
     pub sigma_px: f64,
@@ -63,9 +65,16 @@ fn light_corner(decoded: &Decoded, corner: [f64; 2], all: &[[f64; 2]]) -> Option
     let found = fit(&equations)?;
     let agree = found.used as f64 >= LEAST_AGREEMENT * equations.len() as f64;
     let sigma_px = (0.5 * found.sigma.iter().map(|s| s * s).sum::<f64>()).sqrt();
-    (agree && found.image.iter().all(|v| v.is_finite()) && sigma_px.is_finite()).then_some(
-        LitCorner { pixel: found.image, sigma_px, pixels_used: found.used, rms_px: found.rms },
-    )
+    let slope = found.slope.map(|row| row.map(|s| s / half));
+    let LocalFit { image: pixel, used: pixels_used, rms: rms_px, .. } = found;
+    let finite = pixel.iter().chain(slope.as_flattened()).all(|v| v.is_finite());
+    (agree && finite && sigma_px.is_finite()).then_some(LitCorner {
+        pixel,
+        slope,
+        sigma_px,
+        pixels_used,
+        rms_px,
+    })
 }
 
 struct Window<'a> {

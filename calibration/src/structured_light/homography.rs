@@ -17,7 +17,7 @@ pub(crate) struct Equation {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalFit {
     pub(crate) image: [f64; 2],
-    /// ∂image/∂place at the point, row by row, a half window being the unit of place.
+    /// ∂(image)/∂(place), per half window, row by row.
     pub(crate) slope: [[f64; 2]; 2],
     pub(crate) sigma: [f64; 2],
     /// Root of the mean squared residual of an equation that counts fully.
@@ -89,7 +89,7 @@ pub(crate) fn fit(equations: &[Equation]) -> Option<LocalFit> {
     let covariance = inverse * scatter * inverse * inflation;
     Some(LocalFit {
         image: [h[2], h[5]],
-        slope: [0, 3].map(|k| [h[k] - h[k + 2] * h[6], h[k + 1] - h[k + 2] * h[7]]),
+        slope: [2, 5].map(|k| [h[k - 2] - h[k] * h[6], h[k - 1] - h[k] * h[7]]),
         sigma: [2, 5].map(|i| covariance[(i, i)].max(0.0).sqrt()),
         rms: (squares / weights).sqrt(),
         used,

@@ -2,6 +2,8 @@
 
 mod all;
 mod camera;
+mod coded;
+mod light;
 
 pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
 
@@ -15,11 +17,14 @@ pub(crate) enum Args {
     All(all::Args),
     /// A camera, from any folder of photographs of a chessboard
     Camera(camera::Args),
+    /// The projector's light: response, black, contrast, evenness, colour wheel
+    Light(light::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     match args {
         Args::All(args) => all::run(args),
         Args::Camera(args) => camera::run(args),
+        Args::Light(args) => light::run(args),
     }
 }
