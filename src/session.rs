@@ -2,9 +2,9 @@
 
 use crate::Failure;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
-use rig::{Acquisition, Chessboard};
+use rig::{Acquisition, Chessboard, ProjectorMethod};
 use serde::{Deserialize, Serialize};
-use simulator::{SampleSpec, SimulatedRig};
+use simulator::{Imperfections, SampleSpec, SimulatedRig};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -77,9 +77,16 @@ pub(crate) enum RigConfig {
         board: calibration::Board,
         /// The camera's noise figures.
         noise: calibration::NoiseModel,
+        /// What the simulated rig gets wrong.
+        #[serde(default, skip_serializing_if = "is_plain")]
+        imperfections: Imperfections,
     },
     /// Pictures that were taken elsewhere; there is nothing to capture.
     Imported,
+}
+
+fn is_plain(imperfections: &Imperfections) -> bool {
+    *imperfections == Imperfections::default()
 }
 
 /// What is captured.
@@ -100,6 +107,25 @@ pub(crate) struct PlanConfig {
     pub board_poses: usize,
     /// The chessboard that the projector shows.
     pub projector_board: Chessboard,
+    /// What the projector shows to be calibrated by.
+    #[serde(default)]
+    pub projector_method: ProjectorMethod,
+    /// Columns and rows of the projector.
+    #[serde(default = "default_projector_px")]
+    pub projector_px: [u32; 2],
+    /// Grey levels that the projector's response is measured at.
+    #[serde(default = "default_ramp_levels")]
+    pub ramp_levels: usize,
+}
+
+/// Those of sessions from before codes could be shown.
+fn default_projector_px() -> [u32; 2] {
+    [1024, 768]
+}
+
+/// Every fifth level of 8 bits.
+fn default_ramp_levels() -> usize {
+    52
 }
 
 impl Default for PlanConfig {
@@ -112,6 +138,9 @@ impl Default for PlanConfig {
             board_exposure_s: 1.0 / 30.0,
             board_poses: 12,
             projector_board: Chessboard { columns: 8, rows: 5, square_px: 50, x0: 287, y0: 234 },
+            projector_method: ProjectorMethod::default(),
+            projector_px: default_projector_px(),
+            ramp_levels: default_ramp_levels(),
         }
     }
 }
@@ -135,6 +164,23 @@ impl Config {
         if plan.board_poses > 1000 {
             return Err(format!("plan.board_poses: at most 1000, found {}", plan.board_poses));
         }
+        if plan.projector_px.iter().any(|n| !(8..=16384).contains(n)) {
+            return Err(format!(
+                "plan.projector_px: from 8 to 16384 each, found {:?}",
+                plan.projector_px
+            ));
+        }
+        if !(5..=256).contains(&plan.ramp_levels) {
+            return Err(format!("plan.ramp_levels: from 5 to 256, found {}", plan.ramp_levels));
+        }
+        if let ProjectorMethod::PhaseShift(phase) = plan.projector_method
+            && (!(4..=1024).contains(&phase.period_px) || !(3..=64).contains(&phase.steps))
+        {
+            return Err(format!(
+                "plan.projector_method: a period of 4 to 1024 pixels and 3 to 64 steps, found {} and {}",
+                phase.period_px, phase.steps
+            ));
+        }
         let shown = &plan.projector_board;
         if (shown.columns + shown.rows).is_multiple_of(2) {
             return Err(format!(
@@ -142,7 +188,8 @@ impl Config {
                 shown.columns, shown.rows
             ));
         }
-        if let RigConfig::Simulated { board, .. } = &self.rig {
+        if let RigConfig::Simulated { board, imperfections, .. } = &self.rig {
+            imperfections.check().map_err(|e| format!("rig.imperfections.{e}"))?;
             board.check().map_err(|e| format!("rig.{e}"))?;
         }
         Ok(())
@@ -270,6 +317,9 @@ impl Session {
             board_exposure_s: plan.board_exposure_s,
             poses: plan.board_poses,
             projector_board: plan.projector_board,
+            projector_method: plan.projector_method,
+            projector_px: plan.projector_px,
+            ramp_levels: plan.ramp_levels,
             repeats: 1,
         }
     }
@@ -277,8 +327,9 @@ impl Session {
     /// The simulated rig, if that is what this session has.
     pub fn simulated(&self) -> Result<Option<SimulatedRig>, Failure> {
         match &self.config.rig {
-            RigConfig::Simulated { sample, .. } => {
-                Ok(Some(SimulatedRig::new(sample, self.config.sample.lit_face)?))
+            RigConfig::Simulated { sample, imperfections, .. } => {
+                let lit_face = self.config.sample.lit_face;
+                Ok(Some(SimulatedRig::with(sample, lit_face, imperfections)?))
             }
             RigConfig::Imported => Ok(None),
         }

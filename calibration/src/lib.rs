@@ -39,6 +39,7 @@ pub use geometry::result::{
 pub use geometry::rig_view::{CodedCorner, ProjectedPoint, RigView, Sight};
 pub use geometry::selection::{ModelTrial, Selection};
 pub use photo::{Photo, list_pictures};
+pub use radiometry::colour_wheel::{BurstFrame, ColourWheel, find_colour_wheel};
 pub use radiometry::debevec::{recover_response, recover_response_above};
 pub use radiometry::exposure::{ExposureTable, exif_exposure_s, parse_seconds};
 pub use radiometry::exr_io::{read_exr, write_exr};
@@ -48,6 +49,9 @@ pub use radiometry::merge::drift::ExposureCheck;
 pub use radiometry::merge::{MergeReport, Merger, merge};
 pub use radiometry::mosaic::{Bayer, merge_mosaic};
 pub use radiometry::noise::NoiseModel;
+pub use radiometry::projector_light::{
+    ChannelLight, ProjectorFlatField, ProjectorLight, measure_projector_light,
+};
 pub use radiometry::response::{KNOTS, Response};
 pub use structured_light::corners::{LitCorner, light_corners};
 pub use structured_light::decode::{CodeMap, Decoded, decode};

@@ -2,7 +2,9 @@
 
 use material::Face;
 
-use crate::{Axis, Chessboard, Pattern, Plan, Purpose, Shot, Target};
+use serde::{Deserialize, Serialize};
+
+use crate::{Axis, Chessboard, CodeSequence, Pattern, PhaseShift, Plan, Purpose, Shot, Target};
 
 /// What a standard acquisition is made of.
 ///
@@ -26,9 +28,49 @@ pub struct Acquisition {
     pub poses: usize,
     /// The chessboard that the projector shows.
     pub projector_board: Chessboard,
+    /// What the projector shows to be found by.
+    pub projector_method: ProjectorMethod,
+    /// Columns and rows of the projector.
+    pub projector_px: [u32; 2],
+    /// Levels of the ramp that the projector's response is found by.
+    pub ramp_levels: usize,
     /// Frames at each exposure.
     pub repeats: u32,
 }
+
+/// What the projector shows on a sheet over the printed board, to be calibrated by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProjectorMethod {
+    /// A chessboard: one picture a pose, some dozens of points.
+    #[default]
+    Chessboard,
+    /// Gray code of all columns and rows: some 40 pictures a pose, every corner of the printed
+    /// board.
+    GrayCode,
+    /// A coarser Gray code and sinusoids: some 30 to 40 pictures a pose.
+    PhaseShift(PhaseShift),
+}
+
+impl ProjectorMethod {
+    /// The code that is shown; `None` for a chessboard.
+    pub fn code(self, projector: [u32; 2]) -> Option<CodeSequence> {
+        match self {
+            Self::Chessboard => None,
+            Self::GrayCode => Some(CodeSequence { projector, phase: None }),
+            Self::PhaseShift(phase) => Some(CodeSequence { projector, phase: Some(phase) }),
+        }
+    }
+}
+
+/// Exposures of the burst that shows a colour wheel: shortest, longest and number, from far less
+/// than a turn to several, in uneven steps.
+const BURST: (f64, f64, usize) = (1.0 / 1000.0, 1.0 / 40.0, 16);
+/// Frames at each exposure of the burst: each catches another phase of the wheel.
+const BURST_REPEATS: u32 = 8;
+/// Frames at each exposure from which the camera's noise is measured: pairs, whose difference
+/// holds nothing but noise.
+const NOISE_REPEATS: u32 = 2;
 
 /// `count` exposure times from `shortest_s` to `longest_s` seconds in equal steps of stops.
 ///
@@ -59,6 +101,24 @@ pub fn uneven_bracket(shortest_s: f64, longest_s: f64, count: usize) -> Vec<f64>
     (0..count).map(exposure).collect()
 }
 
+/// Names of the shots of [`Acquisition::light_plan`] beside the ramp: dark frames, the burst, and
+/// white once more.
+pub const DARK_SHOT: &str = "light-dark";
+/// See [`DARK_SHOT`].
+pub const BURST_SHOT: &str = "light-burst";
+/// See [`DARK_SHOT`].
+pub const WHITE_AGAIN_SHOT: &str = "light-white-again";
+
+/// Name of the ramp's shot at a level.
+pub fn grey_shot(level: f64) -> String {
+    format!("light-grey-{:03}", (255.0 * level).round())
+}
+
+/// Name of picture `index` of the code on the sheet over the board in a pose.
+pub fn code_shot(pose: usize, index: usize) -> String {
+    format!("code-{:02}-{index:02}", pose + 1)
+}
+
 impl Acquisition {
     /// Boards in every pose, boards in the planes of the faces, the chart, and the white
     /// sheet that defines irradiance 1.
@@ -87,7 +147,19 @@ impl Acquisition {
                 Pattern::White,
             ));
             let target = Target::Sheet { pose };
-            shots.push(shot(format!("projected-{number:02}"), Purpose::Geometry, target, board()));
+            match self.projector_method.code(self.projector_px) {
+                None => shots.push(shot(
+                    format!("projected-{number:02}"),
+                    Purpose::Geometry,
+                    target,
+                    board(),
+                )),
+                Some(code) => {
+                    shots.extend(code.patterns().into_iter().enumerate().map(|(i, pattern)| {
+                        shot(code_shot(pose, i), Purpose::Geometry, target, pattern)
+                    }))
+                }
+            }
         }
         let planes: &[(Face, &str)] = match self.lit_face {
             Face::Front => &[(Face::Front, "front")],
@@ -109,6 +181,79 @@ impl Acquisition {
         shots.push(shot("sheet-black".into(), Purpose::Reference, sheet, Pattern::Black));
         shots.push(shot("sheet-white".into(), Purpose::Reference, sheet, Pattern::White));
         Plan { shots }
+    }
+
+    /// What the projector's light is: a ramp of grey levels on the white sheet, and a burst of
+    /// short exposures that shows its colour wheel; white once more, which tells a drift of the
+    /// lamp; and dark frames of the same exposures.
+    pub fn light_plan(&self) -> Plan {
+        let target = Target::FaceSheet { face: self.lit_face };
+        let shot = |name: String, exposures_s: Vec<f64>, repeats, target, pattern| Shot {
+            name,
+            purpose: if repeats > 1 { Purpose::Wheel } else { Purpose::Light },
+            exposures_s,
+            repeats,
+            target,
+            pattern,
+        };
+        let exposures = self.ramp_exposures_s();
+        let dark = shot(DARK_SHOT.into(), exposures.clone(), 1, Target::Dark, Pattern::Black);
+        let mut shots = vec![dark];
+        for level in self.ramp() {
+            shots.push(shot(
+                grey_shot(level),
+                exposures.clone(),
+                1,
+                target,
+                Pattern::Grey { level },
+            ));
+        }
+        let (shortest, longest, count) = BURST;
+        let burst = uneven_bracket(shortest, longest, count);
+        shots.push(shot(BURST_SHOT.into(), burst, BURST_REPEATS, target, Pattern::White));
+        let again = Pattern::Grey { level: 1.0 };
+        shots.push(shot(WHITE_AGAIN_SHOT.into(), exposures.clone(), 1, target, again));
+        Plan { shots }
+    }
+
+    /// Levels of the ramp, 0 to 1, each one that an 8-bit projector has.
+    pub fn ramp(&self) -> Vec<f64> {
+        let steps = self.ramp_levels.saturating_sub(1).max(1) as f64;
+        let level = |i: usize| (255.0 * i as f64 / steps).round() / 255.0;
+        let mut levels: Vec<f64> = (0..self.ramp_levels).map(level).collect();
+        levels.dedup();
+        levels
+    }
+
+    /// Exposures of the ramp: white must fit into the shortest, and the longest lifts the
+    /// projector's black out of the noise.
+    pub fn ramp_exposures_s(&self) -> Vec<f64> {
+        let mut out: Vec<f64> = [self.reference_bracket_s.first(), self.reference_bracket_s.last()]
+            .into_iter()
+            .flatten()
+            .copied()
+            .collect();
+        out.dedup();
+        out
+    }
+
+    /// What the camera's noise is measured from: pairs of dark frames and of an evenly bright
+    /// panel, at the exposures of the sample.
+    pub fn noise_plan(&self) -> Plan {
+        let shot = |name: &str, target, exposures_s: &[f64]| Shot {
+            name: name.into(),
+            purpose: Purpose::Noise,
+            exposures_s: exposures_s.to_vec(),
+            repeats: NOISE_REPEATS,
+            target,
+            pattern: Pattern::Black,
+        };
+        Plan {
+            shots: vec![
+                shot("noise-dark", Target::Dark, &self.bracket_s),
+                shot("noise-flat", Target::Flat, &self.response_bracket_s),
+            ],
+        }
     }
 
     /// The sample: black, every region, and patterns that are kept out of the fit.

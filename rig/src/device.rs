@@ -20,6 +20,11 @@ pub trait Camera: Send {
     /// What the camera is.
     fn info(&self) -> CameraInfo;
 
+    /// Tells which frame of its plan comes next, counted from 0, and which repeat of the same
+    /// photograph it is. A simulated camera lives by it, so that what changes with time does
+    /// so alike when a capture is taken up again; others need not care.
+    fn announce(&mut self, _number: usize, _repeat: u32) {}
+
     /// Exposes for `exposure_s` seconds and returns the frame with the exposure time that
     /// was really used, where the device tells.
     ///
@@ -110,6 +115,11 @@ pub enum Target {
     },
     /// The colour chart in the plane of the front face, instead of the sample.
     Chart,
+    /// Nothing: the lens is capped, so that no light reaches the sensor.
+    Dark,
+    /// Something evenly bright that fills the camera's whole picture: a light panel, or opal
+    /// glass before the lens.
+    Flat,
 }
 
 impl std::fmt::Display for Target {
@@ -131,6 +141,8 @@ impl std::fmt::Display for Target {
                 write!(f, "the white sheet in the plane of the sample's {} face", plane(face))
             }
             Target::Chart => write!(f, "the colour chart in the plane of the sample's front face"),
+            Target::Dark => write!(f, "the cap on the lens"),
+            Target::Flat => write!(f, "a light panel or opal glass before the lens"),
         }
     }
 }

@@ -4,6 +4,7 @@
 //! The simulated rig is just another rig: nothing here can tell it from hardware.
 
 mod acquisition;
+mod code;
 mod device;
 mod frame;
 mod journal;
@@ -12,7 +13,11 @@ mod plan;
 mod render;
 mod runner;
 
-pub use acquisition::{Acquisition, bracket, uneven_bracket};
+pub use acquisition::{
+    Acquisition, BURST_SHOT, DARK_SHOT, ProjectorMethod, WHITE_AGAIN_SHOT, bracket, code_shot,
+    grey_shot, uneven_bracket,
+};
+pub use code::{CodeSequence, PhaseShift};
 pub use device::{
     Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Rig, Target,
 };

@@ -25,6 +25,27 @@ pub enum Pattern {
     },
     /// A chessboard in projector pixels, for calibrating the projector.
     Chessboard(Chessboard),
+    /// One bit of the Gray code of the projector's columns (axis x) or rows (axis y).
+    GrayCode {
+        /// Along which the code counts.
+        axis: Axis,
+        /// Which bit of the Gray code c ⊕ (c ≫ 1) of column c; bit 0 changes most often.
+        bit: u32,
+        /// Whether light and dark are exchanged.
+        inverse: bool,
+    },
+    /// A sinusoid over the projector's columns (axis x) or rows (axis y):
+    /// 1/2 + 1/2 cos(2π (c / period − step / steps)) at column c.
+    Phase {
+        /// Along which it runs.
+        axis: Axis,
+        /// Projector pixels a period.
+        period_px: u32,
+        /// Which of the steps, from 0.
+        step: u32,
+        /// Into how many steps a period is divided, at least 3.
+        steps: u32,
+    },
 }
 
 /// A lit rectangle on the lit face.
@@ -65,7 +86,10 @@ pub struct Chessboard {
 /// More inner corners a row or column than any projector could show.
 const MOST_CORNERS: usize = 500;
 
-/// A direction on the face.
+/// Bits that count more pixels than any projector has.
+const MOST_BITS: u32 = 16;
+
+/// A direction on the face or in the projector's picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
@@ -100,6 +124,21 @@ pub enum PatternError {
         "a chessboard needs 2 to {MOST_CORNERS} inner corners a row and a column and squares of at least a pixel, found {0} × {1} and {2} px"
     )]
     Chessboard(usize, usize, u32),
+    /// A bit that no projector's code has.
+    #[error("a Gray code has {MOST_BITS} bits at most, counted from 0, found bit {0}")]
+    Bit(u32),
+    /// A sinusoid that is none.
+    #[error(
+        "a phase shift needs a period of at least 4 projector pixels, at least 3 steps and one of them, found {period_px} px and step {step} of {steps}"
+    )]
+    Phase {
+        /// Projector pixels a period.
+        period_px: u32,
+        /// Which step.
+        step: u32,
+        /// Steps.
+        steps: u32,
+    },
 }
 
 impl Pattern {
@@ -176,6 +215,14 @@ impl Pattern {
                 }
                 Ok(())
             }
+            &Self::GrayCode { bit, .. } if bit >= MOST_BITS => Err(PatternError::Bit(bit)),
+            Self::GrayCode { .. } => Ok(()),
+            &Self::Phase { period_px, step, steps, .. } => {
+                if period_px < 4 || steps < 3 || step >= steps {
+                    return Err(PatternError::Phase { period_px, step, steps });
+                }
+                Ok(())
+            }
             &Self::Chessboard(Chessboard { columns, rows, square_px, .. }) => {
                 if ![columns, rows].iter().all(|n| (2..=MOST_CORNERS).contains(n)) || square_px == 0
                 {
@@ -189,13 +236,13 @@ impl Pattern {
     /// Irradiance on each of `nx × ny` cells of the lit face, projector white being 1: the
     /// exact share of the cell's area that is lit, times the level. x fastest.
     ///
-    /// `None` for a chessboard, which lies in the projector's pixels, not on the face.
+    /// `None` for chessboards and codes, which lie in the projector's pixels, not on the face.
     pub fn coverage(&self, nx: usize, ny: usize) -> Option<Vec<f32>> {
         match self {
             Self::Black => Some(vec![0.0; nx * ny]),
             Self::White => Some(vec![1.0; nx * ny]),
             Self::Grey { level } => Some(vec![*level as f32; nx * ny]),
-            Self::Chessboard(_) => None,
+            Self::Chessboard(_) | Self::GrayCode { .. } | Self::Phase { .. } => None,
             Self::Face { rectangles } => {
                 let mut total = vec![0.0_f64; nx * ny];
                 for rect in rectangles {
@@ -313,5 +360,11 @@ mod tests {
         assert!(Pattern::Chessboard(board).check().is_err());
         let board = Chessboard { columns: usize::MAX, ..board };
         assert!(Pattern::Chessboard(board).check().is_err());
+        let bit = Pattern::GrayCode { axis: Axis::X, bit: 16, inverse: false };
+        assert_eq!(bit.check(), Err(PatternError::Bit(16)));
+        for (period_px, step, steps) in [(3, 0, 4), (16, 0, 2), (16, 4, 4)] {
+            let phase = Pattern::Phase { axis: Axis::Y, period_px, step, steps };
+            assert!(matches!(phase.check(), Err(PatternError::Phase { .. })), "{phase:?}");
+        }
     }
 }

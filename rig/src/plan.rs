@@ -50,6 +50,12 @@ pub enum Purpose {
     Colour,
     /// Black level, ambient light, projector white.
     Reference,
+    /// The projector's response and black.
+    Light,
+    /// The projector's colour wheel, which short exposures are to show.
+    Wheel,
+    /// The camera's noise.
+    Noise,
     /// Goes into the fit.
     Fit,
     /// Kept out of the fit, to check it.
@@ -167,7 +173,7 @@ impl Plan {
         let short = |shot: &Shot| {
             let shortest_s = shot.exposures_s.iter().copied().fold(f64::INFINITY, f64::min);
             // A written 0.0333 means 1/30.
-            (shortest_s < SHORTEST_SAFE_S * 0.999)
+            (shortest_s < SHORTEST_SAFE_S * 0.999 && shot.purpose != Purpose::Wheel)
                 .then(|| PlanWarning::ShortExposure { shot: shot.name.clone(), shortest_s })
         };
         self.shots.iter().filter_map(short).collect()

@@ -1,6 +1,6 @@
 //! Patterns in the projector's pixels.
 
-use crate::{Chessboard, Pattern};
+use crate::{Axis, Chessboard, Pattern};
 
 /// Where a projector pixel falls on the lit face.
 ///
@@ -45,6 +45,15 @@ impl Pattern {
                 let row = |y| (0..width).map(move |x| if board.is_dark(x, y) { 0 } else { 255 });
                 (0..height).flat_map(row).collect()
             }
+            &Self::GrayCode { axis, bit, inverse } => along(axis, width, height, |c| {
+                let lit = ((c ^ (c >> 1)) >> bit.min(31)) & 1 == 1;
+                if lit == inverse { 0 } else { 255 }
+            }),
+            &Self::Phase { axis, period_px, step, steps } => along(axis, width, height, |c| {
+                let turns =
+                    f64::from(c) / f64::from(period_px) - f64::from(step) / f64::from(steps);
+                byte(0.5 + 0.5 * (std::f64::consts::TAU * turns).cos())
+            }),
             Self::Face { .. } => self.render_face(width, height, face?),
         };
         Some(ProjectorImage { width, height, data })
@@ -99,6 +108,19 @@ impl Chessboard {
     }
 }
 
+/// A picture of stripes: `level` of a pixel's column (x) or row (y).
+fn along(axis: Axis, width: u32, height: u32, level: impl Fn(u32) -> u8) -> Vec<u8> {
+    match axis {
+        Axis::X => {
+            let row: Vec<u8> = (0..width).map(level).collect();
+            row.repeat(height as usize)
+        }
+        Axis::Y => {
+            (0..height).flat_map(|y| std::iter::repeat_n(level(y), width as usize)).collect()
+        }
+    }
+}
+
 fn byte(level: f64) -> u8 {
     (level * 255.0).round() as u8
 }
@@ -137,6 +159,20 @@ mod tests {
         let map = |[x, y]: [f64; 2]| Some([(x + 0.5) / 3.0, y + 0.5]);
         let image = Pattern::region(2, 1, 0).render(3, 1, Some(&map)).unwrap();
         assert_eq!(image.data, [255, 128, 0]);
+    }
+
+    #[test]
+    fn codes_count_columns_and_rows() {
+        let lit = |axis, bit, inverse| {
+            Pattern::GrayCode { axis, bit, inverse }.render(4, 3, None).unwrap().data
+        };
+        // Gray code of 0 to 3: 00 01 11 10.
+        assert_eq!(lit(Axis::X, 0, false)[..4], [0, 255, 255, 0]);
+        assert_eq!(lit(Axis::X, 1, true)[8..], [255, 255, 0, 0]);
+        assert_eq!(lit(Axis::Y, 1, false), [0, 0, 0, 0, 0, 0, 0, 0, 255, 255, 255, 255]);
+        let wave = Pattern::Phase { axis: Axis::X, period_px: 4, step: 1, steps: 4 };
+        // What lies half-way between two bytes may go to either.
+        assert_eq!(wave.render(4, 1, None).unwrap().data, [128, 255, 128, 0]);
     }
 
     #[test]

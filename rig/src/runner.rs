@@ -181,11 +181,14 @@ impl Run<'_, '_> {
             .sum();
         let mut outcome = Outcome { taken: 0, kept: 0, missing: 0 };
         let mut placed: Option<Target> = None;
+        let mut number = 0;
         for shot in &plan.shots {
             let mut shown = false;
             for (exposure_index, &requested_s) in shot.exposures_s.iter().enumerate() {
                 for repeat in 0..shot.repeats {
                     to_expose_s -= requested_s;
+                    self.rig.camera.announce(number, repeat);
+                    number += 1;
                     let kept = self.is_there(shot, exposure_index, repeat)?;
                     if !kept {
                         if self.options.stop.load(Ordering::Relaxed) {

@@ -2,12 +2,15 @@
 
 use material::Face;
 use rig::{
-    Acquisition, CameraInfo, Chessboard, Pattern, Plan, PlanError, PlanWarning, Purpose, Target,
-    bracket,
+    Acquisition, CameraInfo, Chessboard, Pattern, PhaseShift, Plan, PlanError, PlanWarning,
+    ProjectorMethod, Purpose, Target, bracket,
 };
 
 fn standard(lit_face: Face) -> Acquisition {
     Acquisition {
+        projector_method: ProjectorMethod::default(),
+        projector_px: [1024, 768],
+        ramp_levels: 52,
         lit_face,
         regions: [4, 4],
         bracket_s: bracket(1.0 / 30.0, 8.0, 9),
@@ -36,7 +39,16 @@ fn the_standard_bracket_runs_from_a_thirtieth_to_eight_seconds_in_equal_stops() 
 fn the_standard_plans_are_sound_and_survive_files() {
     for face in [Face::Front, Face::Back] {
         let acquisition = standard(face);
-        for plan in [acquisition.calibration_plan(), acquisition.capture_plan()] {
+        let coded = |projector_method| Acquisition { projector_method, ..acquisition.clone() };
+        let phase = PhaseShift { period_px: 32, steps: 4 };
+        for plan in [
+            acquisition.calibration_plan(),
+            acquisition.capture_plan(),
+            acquisition.light_plan(),
+            acquisition.noise_plan(),
+            coded(ProjectorMethod::GrayCode).calibration_plan(),
+            coded(ProjectorMethod::PhaseShift(phase)).calibration_plan(),
+        ] {
             plan.check().unwrap();
             assert!(plan.warnings().is_empty());
             let toml = toml::to_string(&plan).unwrap();
@@ -45,6 +57,24 @@ fn the_standard_plans_are_sound_and_survive_files() {
             assert_eq!(serde_json::from_str::<Plan>(&json).unwrap(), plan);
         }
     }
+}
+
+#[test]
+fn a_code_takes_the_chessboards_place_in_every_pose() {
+    let chessboards = standard(Face::Back);
+    let codes = Acquisition { projector_method: ProjectorMethod::GrayCode, ..chessboards.clone() };
+    let plan = codes.calibration_plan();
+    for pose in 0..6 {
+        let on_sheet = plan.shots.iter().filter(|s| s.target == Target::Sheet { pose });
+        let names: Vec<_> = on_sheet.map(|s| s.name.clone()).collect();
+        assert_eq!(names, (0..42).map(|i| rig::code_shot(pose, i)).collect::<Vec<_>>());
+    }
+    // The sheet stays on the board for all of them: no more placements than for a chessboard.
+    let info = CameraInfo { name: "c".into(), width: 8, height: 8, channels: 3, bit_depth: 16 };
+    let placements = |plan: Plan| plan.summary(&info).placements;
+    assert_eq!(placements(plan), placements(chessboards.calibration_plan()));
+    let ramp = codes.ramp();
+    assert_eq!((ramp.len(), ramp[0], ramp[51]), (52, 0.0, 1.0));
 }
 
 #[test]

@@ -2,6 +2,9 @@
 //! response and noise, and a bench that puts calibration targets in their places. It implements
 //! the traits of `rig`, so everything above cannot tell it from hardware.
 
+#[cfg(test)]
+mod code_tests;
+mod imperfections;
 mod lens;
 mod optical_setup;
 mod sample;
@@ -10,9 +13,10 @@ mod sensor;
 mod simulated_rig;
 mod targets;
 
+pub use imperfections::{ColourWheel, ImperfectionError, Imperfections, Lamp, ProjectorResponse};
 pub use lens::Lens;
 pub use optical_setup::OpticalSetup;
 pub use sample::{SampleKind, SampleSpec};
-pub use sensor::Sensor;
+pub use sensor::{ResponseCurve, Sensor};
 pub use simulated_rig::{SimulatedRig, Truth};
 pub use targets::{BOARD_COLUMNS, BOARD_ROWS, ChartPatch, chart_patches};

@@ -1,6 +1,6 @@
 //! Where camera and projector stand around the sample.
 
-use crate::{Lens, SampleSpec};
+use crate::{Imperfections, Lens, SampleSpec};
 use glam::{DVec2, DVec3};
 use material::Face;
 
@@ -24,7 +24,7 @@ impl OpticalSetup {
     /// A rig around a sample: a 640 × 480 camera slightly off the axis, a lens-shifted 1024 × 768
     /// projector behind the block (lit from the back) or beside the camera (from the front).
     /// Distances scale with the block.
-    pub fn new(sample: &SampleSpec, lit_face: Face) -> Self {
+    pub fn new(sample: &SampleSpec, lit_face: Face, rig: &Imperfections) -> Self {
         let block_mm = sample.solved_grid().size_mm();
         let [width, height, depth] = block_mm;
         let unit = width.max(height);
@@ -51,9 +51,9 @@ impl OpticalSetup {
             Lens::looking_at([1024, 768], position, target, right, 0.55 * 768.0 / unit);
         // Lens shift: the axis meets the image well off its centre, and the device is turned so
         // that the picture still covers the block.
-        projector.radial = [0.03, 0.0];
-        let shift = DVec2::new(20.0, 260.0);
-        projector = shifted(projector, shift, target);
+        let [k1, k2, p1, p2] = rig.projector_distortion;
+        (projector.radial, projector.tangential) = ([k1, k2], [p1, p2]);
+        projector = shifted(projector, DVec2::from(rig.lens_shift_px), target);
         Self { camera, projector, lit_face, block_mm }
     }
 }
@@ -78,9 +78,18 @@ mod tests {
     /// Camera and projector see the whole lit face and the whole front face.
     #[test]
     fn the_block_is_in_view() {
+        let plain = Imperfections::default();
+        // The principal point below the picture, as a projector on a table has it.
+        let below = Imperfections { lens_shift_px: [-30.0, 480.0], ..plain.clone() };
+        for rig in [plain, below] {
+            check_view(rig);
+        }
+    }
+
+    fn check_view(rig: Imperfections) {
         for kind in [SampleKind::Wax, SampleKind::Marble, SampleKind::Stone] {
             for lit in [Face::Back, Face::Front] {
-                let setup = OpticalSetup::new(&SampleSpec { kind, seed: 1 }, lit);
+                let setup = OpticalSetup::new(&SampleSpec { kind, seed: 1 }, lit, &rig);
                 let [w, h, d] = setup.block_mm;
                 let z = if lit == Face::Back { d } else { 0.0 };
                 for (x, y) in [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)] {

@@ -1,7 +1,7 @@
 //! What the camera sees: radiance of every pixel for a target and a projector image.
 
 use crate::targets::FlatTarget;
-use crate::{OpticalSetup, SampleSpec};
+use crate::{Imperfections, OpticalSetup, SampleSpec};
 use diffusion::Batch;
 use diffusion::{
     CpuSolver, Forward, IlluminationError, Illuminations, Medium, MediumError, SolveError,
@@ -11,18 +11,17 @@ use material::{Face, Grid, GridError, Optics};
 use rayon::prelude::*;
 use rig::{ProjectorImage, Target};
 
-/// Light that comes out of the projector's black, as a share of white.
-const PEDESTAL: f64 = 1.0 / 1500.0;
 /// Irradiance of the room on everything, in units of projector white.
 const AMBIENT: f64 = 2e-4;
 /// Rays along each edge of a camera pixel.
 const SAMPLES: u32 = 3;
+const PER_PIXEL: usize = (SAMPLES * SAMPLES) as usize;
 /// Rays along each edge of a fine cell of the lit face.
 const FACE_SAMPLES: u32 = 4;
 /// Diffuse reflectance of the bare surface where the sample is lit from the front.
 const SURFACE: f64 = 0.03;
-/// Loss of light in the corners of the camera's picture, relative to the middle.
-const VIGNETTE: f64 = 0.02;
+/// Radiance of the light panel that fills the camera's picture.
+const PANEL: f64 = 0.15;
 
 /// Why a scene cannot be rendered.
 #[derive(Debug, thiserror::Error)]
@@ -44,26 +43,41 @@ pub(crate) struct Scene {
     media: Vec<Medium>,
     /// Unit direction of every sub-pixel of the camera.
     rays: Vec<DVec3>,
+    /// Light of the projector at each input byte.
+    light: Vec<[f64; 3]>,
+    vignette: f64,
 }
 
 impl Scene {
     /// The sample on a grid `refinement` times finer, along each axis, than the one it is
     /// solved on.
-    pub fn new(sample: &SampleSpec, lit: Face, refinement: usize) -> Result<Self, SceneError> {
+    pub fn new(
+        sample: &SampleSpec,
+        lit: Face,
+        rig: &Imperfections,
+        refinement: usize,
+    ) -> Result<Self, SceneError> {
         let coarse = sample.solved_grid();
         let fine = Grid::new(
             coarse.cells().map(|n| n * refinement),
             coarse.spacing_mm().map(|h| h / refinement as f64),
         )?;
         let media = (0..3).map(|c| sample.medium(&fine, c)).collect::<Result<_, _>>()?;
-        let setup = OpticalSetup::new(sample, lit);
+        let setup = OpticalSetup::new(sample, lit, rig);
         let [width, height] = setup.camera.size;
         let rays = (0..height)
             .into_par_iter()
             .flat_map_iter(|y| (0..width).flat_map(move |x| sub_samples(x, y, SAMPLES)))
             .map(|pixel| setup.camera.ray(pixel))
             .collect();
-        Ok(Self { setup, optics: Optics::from_eta(sample.eta()), media, rays })
+        Ok(Self {
+            setup,
+            optics: Optics::from_eta(sample.eta()),
+            media,
+            rays,
+            light: rig.projector_light(),
+            vignette: rig.vignette,
+        })
     }
 
     /// True coefficients, one medium a channel, on the fine grid.
@@ -73,13 +87,19 @@ impl Scene {
 
     /// Radiance of every camera pixel, three interleaved channels.
     pub fn render(&self, target: &Target, image: &ProjectorImage) -> Result<Vec<f32>, SceneError> {
+        match target {
+            Target::Dark => return Ok(vec![0.0; 3 * self.rays.len() / PER_PIXEL]),
+            Target::Flat => return Ok(self.gather(|_| [PANEL; 3])),
+            _ => {}
+        }
         match FlatTarget::new(target, &self.setup) {
             Some(flat) => Ok(self.gather(|ray| {
                 let Some((point, at)) = flat.hit(self.setup.camera.position, ray) else {
                     return [0.0; 3];
                 };
-                let light = self.irradiance(point, flat.normal(), image) / std::f64::consts::PI;
-                flat.albedo(at).map(|a| a * light)
+                let light = self.irradiance(point, flat.normal(), image);
+                let albedo = flat.albedo(at);
+                std::array::from_fn(|c| albedo[c] * (light[c] / std::f64::consts::PI))
             })),
             None => self.render_sample(image),
         }
@@ -100,8 +120,8 @@ impl Scene {
             }
             let mut out = interpolate(&exit, [nx, ny], at - 0.5);
             if lit_in_front {
-                let light = self.irradiance(point, DVec3::Z, image) / std::f64::consts::PI;
-                out = out.map(|l| l + SURFACE * light);
+                let light = self.irradiance(point, DVec3::Z, image);
+                (0..3).for_each(|c| out[c] += SURFACE * (light[c] / std::f64::consts::PI));
             }
             out
         }))
@@ -111,8 +131,10 @@ impl Scene {
     fn exit_radiance(&self, image: &ProjectorImage) -> Result<Vec<Vec<f64>>, SceneError> {
         let grid = *self.media[0].grid();
         let face = self.setup.lit_face;
-        let light = Illuminations::new(&grid, face, vec![self.face_irradiance(image)])?;
-        let one = |medium: &Medium| -> Result<Vec<f64>, SceneError> {
+        let irradiance = self.face_irradiance(image);
+        let one = |channel: usize| -> Result<Vec<f64>, SceneError> {
+            let (medium, own) = (&self.media[channel], irradiance.iter().map(|e| e[channel]));
+            let light = Illuminations::new(&grid, face, vec![own.collect()])?;
             let mut solver = CpuSolver::<f32>::new();
             let mut forward = Forward::new(medium.clone(), &self.optics, &mut solver)?;
             let mut fluence = Batch::zeros(grid.len(), 1);
@@ -120,11 +142,11 @@ impl Scene {
             forward.solve(&light, &mut fluence, 1e-6)?;
             Ok(forward.exit_radiance(&light, &fluence, Face::Front).swap_remove(0))
         };
-        self.media.iter().map(one).collect()
+        (0..self.media.len()).map(one).collect()
     }
 
-    /// Irradiance of the lit face's fine cells.
-    fn face_irradiance(&self, image: &ProjectorImage) -> Vec<f64> {
+    /// Irradiance of the lit face's fine cells, red, green and blue.
+    fn face_irradiance(&self, image: &ProjectorImage) -> Vec<[f64; 3]> {
         let grid = self.media[0].grid();
         let [nx, _, _] = grid.cells();
         let [hx, hy, _] = grid.spacing_mm();
@@ -136,28 +158,28 @@ impl Scene {
             .into_par_iter()
             .map(|i| {
                 let points = sub_samples((i % nx) as u32, (i / nx) as u32, FACE_SAMPLES);
-                let sum: f64 = points
-                    .map(|p| {
-                        let point = DVec3::new((p.x + 0.5) * hx, (p.y + 0.5) * hy, z);
-                        self.irradiance(point, DVec3::Z, image)
-                    })
-                    .sum();
-                sum / f64::from(FACE_SAMPLES * FACE_SAMPLES)
+                let mut sum = [0.0; 3];
+                for p in points {
+                    let point = DVec3::new((p.x + 0.5) * hx, (p.y + 0.5) * hy, z);
+                    let light = self.irradiance(point, DVec3::Z, image);
+                    (0..3).for_each(|c| sum[c] += light[c]);
+                }
+                sum.map(|s| s / f64::from(FACE_SAMPLES * FACE_SAMPLES))
             })
             .collect()
     }
 
     /// Irradiance at a point of a surface: projector and room. White at the middle of the lit
     /// face is 1; distance, obliquity and the projector's own vignetting take from it.
-    fn irradiance(&self, point: DVec3, normal: DVec3, image: &ProjectorImage) -> f64 {
+    fn irradiance(&self, point: DVec3, normal: DVec3, image: &ProjectorImage) -> [f64; 3] {
         let lens = &self.setup.projector;
-        let Some(pixel) = lens.project(point) else { return AMBIENT };
+        let Some(pixel) = lens.project(point) else { return [AMBIENT; 3] };
         let (x, y) = (pixel.x.round(), pixel.y.round());
         let [width, height] = lens.size.map(f64::from);
         if !(0.0..width).contains(&x) || !(0.0..height).contains(&y) {
-            return AMBIENT;
+            return [AMBIENT; 3];
         }
-        let level = f64::from(image.data[y as usize * lens.size[0] as usize + x as usize]) / 255.0;
+        let byte = image.data[y as usize * lens.size[0] as usize + x as usize];
         let [w, h, d] = self.setup.block_mm;
         let middle =
             DVec3::new(w / 2.0, h / 2.0, if self.setup.lit_face == Face::Back { d } else { 0.0 });
@@ -167,17 +189,16 @@ impl Scene {
         };
         let off_centre = (pixel - DVec2::new(width, height) / 2.0).length() / width;
         let vignette = 1.0 - 0.3 * off_centre * off_centre;
-        let light = PEDESTAL + (1.0 - PEDESTAL) * level;
-        AMBIENT + light * vignette * falloff(point, normal) / falloff(middle, DVec3::Z)
+        let light = self.light[usize::from(byte)];
+        light.map(|l| AMBIENT + l * vignette * falloff(point, normal) / falloff(middle, DVec3::Z))
     }
 
     /// Averages `radiance(ray)` over the sub-pixels of every camera pixel.
     fn gather(&self, radiance: impl Fn(DVec3) -> [f64; 3] + Sync) -> Vec<f32> {
-        let per_pixel = (SAMPLES * SAMPLES) as usize;
         let [width, height] = self.setup.camera.size.map(f64::from);
         let middle = DVec2::new(width, height) / 2.0;
         self.rays
-            .par_chunks(per_pixel)
+            .par_chunks(PER_PIXEL)
             .enumerate()
             .flat_map_iter(|(i, rays)| {
                 let mut sum = [0.0; 3];
@@ -187,7 +208,7 @@ impl Scene {
                 }
                 let at = DVec2::new((i % width as usize) as f64, (i / width as usize) as f64);
                 let corner = (at - middle).length_squared() / middle.length_squared();
-                let scale = (1.0 - VIGNETTE * corner) / per_pixel as f64;
+                let scale = (1.0 - self.vignette * corner) / PER_PIXEL as f64;
                 sum.map(|s| (s * scale) as f32)
             })
             .collect()

@@ -2,7 +2,7 @@
 
 use crate::scene::{Scene, SceneError};
 use crate::targets::square_mm;
-use crate::{BOARD_COLUMNS, BOARD_ROWS, SampleSpec, Sensor};
+use crate::{BOARD_COLUMNS, BOARD_ROWS, Imperfections, OpticalSetup, SampleSpec, Sensor};
 use diffusion::Medium;
 use material::{Face, Optics};
 use rig::{
@@ -25,11 +25,16 @@ pub struct Truth {
     pub media: Vec<Medium>,
     /// The convention under which light was transported.
     pub optics: Optics,
+    /// Where camera and projector are, and their lenses.
+    pub setup: OpticalSetup,
+    /// What the rig gets wrong.
+    pub imperfections: Imperfections,
 }
 
 struct World {
     scene: Scene,
     sensor: Sensor,
+    imperfections: Imperfections,
     seed: u64,
     state: Mutex<State>,
 }
@@ -40,7 +45,13 @@ struct State {
     target: Target,
     image: ProjectorImage,
     rendered: Option<Arc<Vec<f32>>>,
+    /// Number of the coming frame in its plan, and which repeat of one photograph it is.
+    frame: usize,
+    repeat: u32,
 }
+
+/// Between the beginnings of two frames of a plan, by the simulated lamp's clock, seconds.
+const FRAME_S: f64 = 0.5;
 
 impl SimulatedRig {
     /// Builds the rig around a sample that is lit on `lit` face.
@@ -48,12 +59,30 @@ impl SimulatedRig {
     /// # Errors
     /// The sample's coefficients make no medium; the built-in samples always do.
     pub fn new(sample: &SampleSpec, lit: Face) -> Result<Self, DeviceError> {
-        let scene = Scene::new(sample, lit, REFINEMENT).map_err(failed)?;
+        Self::with(sample, lit, &Imperfections::default())
+    }
+
+    /// As [`SimulatedRig::new`], with another projector, lamp or camera.
+    ///
+    /// # Errors
+    /// As there, and imperfections that no rig can have.
+    pub fn with(
+        sample: &SampleSpec,
+        lit: Face,
+        imperfections: &Imperfections,
+    ) -> Result<Self, DeviceError> {
+        imperfections.check().map_err(unsupported)?;
+        let scene = Scene::new(sample, lit, imperfections, REFINEMENT).map_err(failed)?;
         let [width, height] = scene.setup.projector.size;
         let image = ProjectorImage { width, height, data: vec![0; (width * height) as usize] };
-        let state = State { target: Target::Sample, image, rendered: None };
-        let world =
-            World { scene, sensor: Sensor::default(), seed: sample.seed, state: Mutex::new(state) };
+        let state = State { target: Target::Sample, image, rendered: None, frame: 0, repeat: 0 };
+        let world = World {
+            scene,
+            sensor: Sensor { curve: imperfections.camera_response, ..Sensor::default() },
+            imperfections: imperfections.clone(),
+            seed: sample.seed,
+            state: Mutex::new(state),
+        };
         Ok(Self { world: Arc::new(world) })
     }
 
@@ -76,7 +105,13 @@ impl SimulatedRig {
 
     /// What the sample really is.
     pub fn truth(&self) -> Truth {
-        Truth { media: self.world.scene.media().to_vec(), optics: self.world.scene.optics }
+        let World { scene, imperfections, .. } = &*self.world;
+        Truth {
+            media: scene.media().to_vec(),
+            optics: scene.optics,
+            setup: scene.setup,
+            imperfections: imperfections.clone(),
+        }
     }
 }
 
@@ -86,6 +121,10 @@ struct Device {
 }
 
 fn failed(error: SceneError) -> DeviceError {
+    unsupported(error)
+}
+
+fn unsupported(error: impl std::fmt::Display) -> DeviceError {
     DeviceError::Unsupported { device: NAME.into(), reason: error.to_string() }
 }
 
@@ -106,9 +145,13 @@ impl Camera for Device {
         CameraInfo { name: "simulated camera".into(), width, height, channels: 3, bit_depth }
     }
 
+    fn announce(&mut self, number: usize, repeat: u32) {
+        self.with_state(|state| (state.frame, state.repeat) = (number, repeat));
+    }
+
     fn expose(&mut self, exposure_s: f64) -> Result<Frame, DeviceError> {
         let world = &self.world;
-        let (radiance, key) = self.with_state(|state| -> Result<_, DeviceError> {
+        let (radiance, key, steadiness) = self.with_state(|state| -> Result<_, DeviceError> {
             let radiance = match &state.rendered {
                 Some(radiance) => Arc::clone(radiance),
                 None => {
@@ -125,7 +168,22 @@ impl Camera for Device {
             hash.update(format!("{:?}", state.target).as_bytes());
             hash.update(&state.image.data);
             hash.update(&exposure_s.to_le_bytes());
-            Ok((radiance, *hash.finalize().as_bytes()))
+            // The first photograph of a kind has the noise it always had.
+            if state.repeat > 0 {
+                hash.update(&state.repeat.to_le_bytes());
+            }
+            let key = *hash.finalize().as_bytes();
+            // The projector has no part in what the light panel shows.
+            let steadiness = match state.target {
+                Target::Flat | Target::Dark => [1.0; 3],
+                _ => {
+                    // The wheel stands elsewhere for each frame, by a number of its own.
+                    let chance = *hash.update(b"wheel").finalize().as_bytes();
+                    let time_s = FRAME_S * state.frame as f64;
+                    world.imperfections.steadiness(time_s, exposure_s, chance)
+                }
+            };
+            Ok((radiance, key, steadiness))
         })?;
         let info = Camera::info(self);
         let row = 3 * info.width as usize;
@@ -134,7 +192,7 @@ impl Camera for Device {
             height: info.height,
             channels: 3,
             bit_depth: info.bit_depth,
-            data: world.sensor.expose(&radiance, row, exposure_s, key),
+            data: world.sensor.expose(&radiance, row, exposure_s, steadiness, key),
             exposure_s,
         })
     }

@@ -77,7 +77,7 @@ enum Print {
 }
 
 impl FlatTarget {
-    /// The target in its place; None for the sample itself.
+    /// The target in its place; None for what is no flat thing on the bench.
     pub fn new(target: &Target, setup: &OpticalSetup) -> Option<Self> {
         let [w, h, d] = setup.block_mm;
         let unit = w.max(h);
@@ -92,7 +92,7 @@ impl FlatTarget {
             square * DVec2::new(BOARD_COLUMNS as f64 - 1.0, BOARD_ROWS as f64 - 1.0) / 2.0;
         let paper = Print::Sheet { half_width: 1.2 * unit };
         Some(match target {
-            Target::Sample => return None,
+            Target::Sample | Target::Dark | Target::Flat => return None,
             Target::Board { pose } | Target::Sheet { pose } => {
                 let (centre, axes) = held(*pose, unit);
                 let origin = middle(0.0) + centre - axes[0] * to_corner.x - axes[1] * to_corner.y;

@@ -19,6 +19,12 @@ use std::time::Duration;
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
+    /// Take only the pictures for `diaphane calibrate light`
+    #[arg(long, conflicts_with = "noise")]
+    light: bool,
+    /// Take only pairs of dark and of evenly lit frames, to measure the camera's noise from
+    #[arg(long)]
+    noise: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -30,6 +36,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         )));
     };
     let mut rig = simulated.rig();
+    if args.light || args.noise {
+        return extra(&session, &mut rig, args.light);
+    }
     let calibration = calibration_pictures(&session, &mut rig)?;
     let folder = session.folder().display().to_string();
     if !calibrate::is_done(&session) {
@@ -52,6 +61,24 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "next": "merge",
     });
     Ok(Done::new(json, text))
+}
+
+/// Pictures of the projector's light, or of the camera's noise.
+fn extra(session: &Session, rig: &mut Rig, light: bool) -> Result<Done, Failure> {
+    let acquisition = session.acquisition();
+    let (label, plan) = if light {
+        ("light", acquisition.light_plan())
+    } else {
+        ("noise", acquisition.noise_plan())
+    };
+    let outcome = shoot(session, rig, label, &plan, false)?;
+    let folder = session.folder().display();
+    let mut text =
+        format!("{label} pictures: {} taken, {} were there", outcome.taken, outcome.kept);
+    if light {
+        text += &format!("\nnext: diaphane calibrate light {folder}");
+    }
+    Ok(Done::new(json!({ "taken": outcome.taken, "kept": outcome.kept }), text))
 }
 
 /// Boards, chart and white sheet.

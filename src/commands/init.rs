@@ -7,7 +7,7 @@ use calibration::{Board, NoiseModel};
 use clap::ValueEnum;
 use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite};
 use serde_json::json;
-use simulator::{SampleKind, SampleSpec, SimulatedRig};
+use simulator::{Imperfections, SampleKind, SampleSpec, SimulatedRig};
 use std::path::PathBuf;
 
 /// Make a session on the simulated rig
@@ -87,6 +87,7 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
                 full_scale: sensor.full_scale(),
                 saturation: 0.995 * sensor.full_scale(),
             },
+            imperfections: Imperfections::default(),
         },
         plan: PlanConfig::default(),
     })

@@ -1,6 +1,7 @@
 //! How much light there was: exposure times, response, noise, and the merge of a bracket.
 
 pub(crate) mod bounded;
+pub(crate) mod colour_wheel;
 pub(crate) mod debevec;
 pub(crate) mod exposure;
 pub(crate) mod exr_io;
@@ -9,5 +10,6 @@ pub(crate) mod masters;
 pub(crate) mod merge;
 pub(crate) mod mosaic;
 pub(crate) mod noise;
+pub(crate) mod projector_light;
 pub(crate) mod response;
 pub(crate) mod spool;

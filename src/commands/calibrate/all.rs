@@ -1,5 +1,6 @@
 //! `diaphane calibrate all`: camera, projector, face, response, white, from a session's pictures.
 
+use super::coded::coded_corners;
 use crate::Failure;
 use crate::output::{Done, Progress};
 use crate::session::{RigConfig, Session};
@@ -80,7 +81,7 @@ pub(crate) fn lit_plane(session: &Session) -> Result<FacePlane, Failure> {
     })
 }
 
-fn lit_z(session: &Session) -> f64 {
+pub(crate) fn lit_z(session: &Session) -> f64 {
     match session.config.sample.lit_face {
         Face::Front => 0.0,
         Face::Back => session.config.sample.grid.size_mm()[2],
@@ -122,7 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 }
 
 /// The parts of the rig's description that a calibration needs.
-fn described(session: &Session) -> Result<(Board, NoiseModel), Failure> {
+pub(crate) fn described(session: &Session) -> Result<(Board, NoiseModel), Failure> {
     match &session.config.rig {
         RigConfig::Simulated { board, noise, .. } => Ok((*board, *noise)),
         RigConfig::Imported => Err(Failure::input(format!(
@@ -149,16 +150,25 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     let mirrored = session.config.sample.lit_face == Face::Back;
     let mut views = Vec::new();
     for board in printed {
-        let name = board.name.replace("board", "projected");
-        let photo = frame_photo(session, &name, 0)?;
-        let projected = match projected_points(&photo, &plan.projector_board, mirrored) {
-            Err(error @ CalibrationError::BoardNotFound { .. }) => {
-                eprintln!("warning: {error}");
-                Vec::new()
+        views.push(match plan.projector_method.code(plan.projector_px) {
+            Some(code) => RigView {
+                coded: coded_corners(session, &code, &board)?,
+                projected: Vec::new(),
+                board,
+            },
+            None => {
+                let name = board.name.replace("board", "projected");
+                let photo = frame_photo(session, &name, 0)?;
+                let projected = match projected_points(&photo, &plan.projector_board, mirrored) {
+                    Err(error @ CalibrationError::BoardNotFound { .. }) => {
+                        eprintln!("warning: {error}");
+                        Vec::new()
+                    }
+                    found => found?,
+                };
+                RigView { board, coded: Vec::new(), projected }
             }
-            found => found?,
-        };
-        views.push(RigView { board, coded: Vec::new(), projected });
+        });
     }
     let lit = frame_projector_size(session)?;
     let geometry = calibrate_geometry(&views, size, Some(lit), Choice::default())?;
@@ -226,8 +236,18 @@ pub(crate) fn frame_photo(
     shot: &str,
     exposure: usize,
 ) -> Result<Photo, Failure> {
+    frame_photo_repeat(session, shot, exposure, 0)
+}
+
+/// As [`frame_photo`], of several frames at one exposure.
+pub(crate) fn frame_photo_repeat(
+    session: &Session,
+    shot: &str,
+    exposure: usize,
+    repeat: u32,
+) -> Result<Photo, Failure> {
     let command = "diaphane capture SESSION";
-    let path = session.required(&frame_path(shot, exposure, 0), command)?;
+    let path = session.required(&frame_path(shot, exposure, repeat), command)?;
     let (frame, _) = read_frame(&path)?;
     Ok(Photo {
         width: frame.width as usize,

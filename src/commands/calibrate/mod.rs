@@ -2,7 +2,9 @@
 
 mod all;
 mod camera;
+mod coded;
 mod convert;
+mod light;
 mod options;
 mod points;
 mod projector;
@@ -23,6 +25,8 @@ pub(crate) enum Args {
     Projector(projector::Args),
     /// A geometric calibration for other programs, or from them
     Convert(convert::Args),
+    /// The projector's light: response, black, contrast, evenness, colour wheel
+    Light(light::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -31,5 +35,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Args::Camera(args) => camera::run(args),
         Args::Projector(args) => projector::run(args),
         Args::Convert(args) => convert::run(args),
+        Args::Light(args) => light::run(args),
     }
 }

@@ -1,0 +1,218 @@
+//! A projector's colour wheel, from how short exposures scatter.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{CalibrationError, Result};
+
+/// What a camera saw of projector white in one exposure that began at any moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BurstFrame {
+    /// Exposure time, seconds.
+    pub exposure_s: f64,
+    /// Mean radiance of each channel.
+    pub radiance: Vec<f64>,
+}
+
+/// A light that repeats itself: the colour wheel of a projector, or a lamp that flickers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ColourWheel {
+    /// One turn, seconds.
+    pub turn_s: f64,
+    /// 1-sigma of it, seconds.
+    pub turn_sigma_s: f64,
+    /// For each channel the variance of its relative light by harmonic of a turn, from the first.
+    harmonics: Vec<[f64; HARMONICS]>,
+    /// Relative variance, for each channel, that does not depend on the exposure.
+    floor: Vec<f64>,
+}
+
+/// Harmonics of a turn: a colour's segment is a third of it, which has few above.
+const HARMONICS: usize = 4;
+/// Turns that are looked for, seconds: 15 to 600 a second.
+const TURNS_S: (f64, f64) = (1.0 / 600.0, 1.0 / 15.0);
+/// Exposures below this show less than four frames of a display.
+const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
+/// −2 ln of the likelihood that a periodic light must gain over a steady one: chance gains some
+/// 10 with the wheel's unknowns.
+const LEAST_EVIDENCE: f64 = 60.0;
+/// Rounds of the fit at one period.
+const ROUNDS: usize = 60;
+
+impl ColourWheel {
+    /// The whole number of turns that is nearest to an exposure and takes at least 1/30 s.
+    pub fn whole_turns_s(&self, exposure_s: f64) -> f64 {
+        let least = (SHORTEST_SAFE_S / self.turn_s * (1.0 - 1e-9)).ceil();
+        (exposure_s / self.turn_s).round().max(least) * self.turn_s
+    }
+
+    /// 1-sigma of each channel's relative brightness from frame to frame at an exposure.
+    pub fn scatter(&self, exposure_s: f64) -> Vec<f64> {
+        let basis = basis(exposure_s / self.turn_s);
+        let one = |(harmonics, floor): (&[f64; HARMONICS], &f64)| {
+            let wheel: f64 = harmonics.iter().zip(&basis).map(|(a, b)| a * b).sum();
+            (wheel + floor).sqrt()
+        };
+        self.harmonics.iter().zip(&self.floor).map(one).collect()
+    }
+}
+
+/// Share of each harmonic's variance that is left after averaging over `turns`: sinc².
+fn basis(turns: f64) -> [f64; HARMONICS] {
+    std::array::from_fn(|k| {
+        let angle = std::f64::consts::PI * (k + 1) as f64 * turns;
+        (angle.sin() / angle).powi(2)
+    })
+}
+
+/// Looks for a colour wheel in a burst of short exposures, several of each length, begun at moments
+/// that have nothing to do with it. `None` if the light is as steady as its noise.
+///
+/// An exposure of t averages the k-th harmonic of a turn T down by sinc(k t/T), so over frames of
+/// one length the relative variance of a channel is Σ A_k sinc²(k t/T) + A_0: nothing but noise
+/// remains at whole turns. Sample variances follow a gamma distribution; its likelihood is
+/// maximised over A_k ≥ 0 by multiplicative rounds (Févotte, Bertin & Durrieu 2009) at each T, and
+/// T is where it is largest.
+///
+/// # Errors
+/// Fewer than six lengths with at least three frames each, or frames of different channels.
+pub fn find_colour_wheel(frames: &[BurstFrame]) -> Result<Option<ColourWheel>> {
+    let groups = groups(frames)?;
+    let best_of = |turns: &mut dyn Iterator<Item = f64>| {
+        turns
+            .map(|turn| (groups.iter().map(|g| g.fit(turn).0).sum::<f64>(), turn))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    // Fine enough that the longest exposure's turns change by a twentieth from one to the next.
+    let longest = frames.iter().map(|f| f.exposure_s).fold(0.0, f64::max);
+    let rate = |turn: f64| 1.0 / turn;
+    let step = 0.05 / longest;
+    let count = ((rate(TURNS_S.0) - rate(TURNS_S.1)) / step).ceil() as usize;
+    let mut coarse = (0..=count).map(|i| 1.0 / (rate(TURNS_S.1) + i as f64 * step));
+    let Some((_, turn)) = best_of(&mut coarse) else { return Ok(None) };
+    let mut fine = (-100..=100).map(|i| 1.0 / (rate(turn) + f64::from(i) * step / 50.0));
+    let Some((misfit, turn_s)) = best_of(&mut fine) else { return Ok(None) };
+    let steady: f64 = groups.iter().map(Group::steady).sum();
+    if steady - misfit < LEAST_EVIDENCE {
+        return Ok(None);
+    }
+    let fits: Vec<_> = groups.iter().map(|g| g.fit(turn_s)).collect();
+    Ok(Some(ColourWheel {
+        turn_s,
+        turn_sigma_s: sigma(&groups, turn_s, misfit, step),
+        harmonics: fits.iter().map(|f| f.1).collect(),
+        floor: fits.iter().map(|f| f.2).collect(),
+    }))
+}
+
+/// Where −2 ln of the likelihood is one above its least, to either side.
+fn sigma(groups: &[Group], turn_s: f64, misfit: f64, step: f64) -> f64 {
+    let reach = |direction: f64| {
+        let turn = |i: i32| 1.0 / (1.0 / turn_s + direction * f64::from(i) * step / 200.0);
+        let above = |i: &i32| groups.iter().map(|g| g.fit(turn(*i)).0).sum::<f64>() > misfit + 1.0;
+        (turn((1..400).find(above).unwrap_or(400)) - turn_s).abs()
+    };
+    0.5 * (reach(1.0) + reach(-1.0))
+}
+
+/// Relative variances of one channel at each exposure.
+struct Group {
+    variances: Vec<Variance>,
+}
+
+struct Variance {
+    exposure_s: f64,
+    value: f64,
+    /// Frames less one.
+    freedom: f64,
+}
+
+impl Group {
+    /// −2 ln of the likelihood, the harmonics' variances, and the floor, for a turn.
+    fn fit(&self, turn_s: f64) -> (f64, [f64; HARMONICS], f64) {
+        let rows: Vec<[f64; HARMONICS + 1]> = self
+            .variances
+            .iter()
+            .map(|v| {
+                let wheel = basis(v.exposure_s / turn_s);
+                std::array::from_fn(|k| wheel.get(k).copied().unwrap_or(1.0))
+            })
+            .collect();
+        let mean = self.variances.iter().map(|v| v.value).sum::<f64>() / rows.len() as f64;
+        let least = self.variances.iter().map(|v| v.value).fold(f64::INFINITY, f64::min);
+        let mut a = [mean.max(1e-12); HARMONICS + 1];
+        a[HARMONICS] = least.max(1e-12);
+        let model = |a: &[f64; HARMONICS + 1], row: &[f64; HARMONICS + 1]| {
+            a.iter().zip(row).map(|(a, b)| a * b).sum::<f64>().max(1e-18)
+        };
+        for _ in 0..ROUNDS {
+            let (mut up, mut down) = ([0.0; HARMONICS + 1], [0.0; HARMONICS + 1]);
+            for (v, row) in self.variances.iter().zip(&rows) {
+                let m = model(&a, row);
+                for k in 0..=HARMONICS {
+                    up[k] += v.freedom * row[k] * v.value / (m * m);
+                    down[k] += v.freedom * row[k] / m;
+                }
+            }
+            for k in 0..=HARMONICS {
+                // The square root makes each round go down for sure.
+                a[k] *= (up[k] / down[k].max(1e-300)).sqrt();
+            }
+        }
+        let pairs = self.variances.iter().zip(&rows);
+        let misfit = pairs.map(|(v, row)| v.misfit(model(&a, row))).sum();
+        (misfit, std::array::from_fn(|k| a[k]), a[HARMONICS])
+    }
+
+    /// −2 ln of the likelihood of a steady light.
+    fn steady(&self) -> f64 {
+        let freedom: f64 = self.variances.iter().map(|v| v.freedom).sum();
+        let mean = self.variances.iter().map(|v| v.freedom * v.value).sum::<f64>() / freedom;
+        self.variances.iter().map(|v| v.misfit(mean.max(1e-18))).sum()
+    }
+}
+
+impl Variance {
+    /// −2 ln of the gamma likelihood of this sample variance if the true one is `model`.
+    fn misfit(&self, model: f64) -> f64 {
+        self.freedom * (model.ln() + self.value / model)
+    }
+}
+
+/// Relative variances by channel and exposure.
+fn groups(frames: &[BurstFrame]) -> Result<Vec<Group>> {
+    let bad = |found: String| CalibrationError::BadInput {
+        what: "burst of short exposures".into(),
+        expected: "at least six exposure times, three or more bright frames of each".into(),
+        found,
+    };
+    let channels = frames.first().map_or(0, |f| f.radiance.len());
+    if let Some(odd) = frames.iter().find(|f| {
+        f.radiance.len() != channels || !f.radiance.iter().all(|r| r.is_finite() && *r > 0.0)
+    }) {
+        return Err(bad(format!("a frame of {} s with {:?}", odd.exposure_s, odd.radiance)));
+    }
+    let mut times: Vec<f64> = frames.iter().map(|f| f.exposure_s).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let mut out: Vec<Group> = (0..channels).map(|_| Group { variances: Vec::new() }).collect();
+    for &exposure_s in &times {
+        let own: Vec<_> = frames.iter().filter(|f| f.exposure_s == exposure_s).collect();
+        if own.len() < 3 {
+            continue;
+        }
+        let n = own.len() as f64;
+        for (c, group) in out.iter_mut().enumerate() {
+            // Relative to the mean over all frames: a short burst's own mean is far off.
+            let all = frames.iter().map(|f| f.radiance[c] * f.exposure_s).sum::<f64>()
+                / frames.iter().map(|f| f.exposure_s).sum::<f64>();
+            let mean = own.iter().map(|f| f.radiance[c]).sum::<f64>() / n;
+            let squares = own.iter().map(|f| (f.radiance[c] - mean).powi(2)).sum::<f64>();
+            let value = squares / (n - 1.0) / (all * all);
+            group.variances.push(Variance { exposure_s, value, freedom: n - 1.0 });
+        }
+    }
+    match out.first().map_or(0, |g| g.variances.len()) {
+        0..6 => Err(bad(format!("{} frames of {} times", frames.len(), times.len()))),
+        _ => Ok(out),
+    }
+}
