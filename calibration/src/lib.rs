@@ -38,3 +38,4 @@ pub use radiometry::merge::{MergeReport, Merger, merge};
 pub use radiometry::mosaic::{Bayer, merge_mosaic};
 pub use radiometry::noise::NoiseModel;
 pub use radiometry::response::{KNOTS, Response};
+pub use radiometry::transfer::{Estimate, PhotonTransfer, SensorNoise, TransferPoint};

@@ -11,3 +11,4 @@ pub(crate) mod mosaic;
 pub(crate) mod noise;
 pub(crate) mod response;
 pub(crate) mod spool;
+pub(crate) mod transfer;
