@@ -13,3 +13,4 @@ pub(crate) mod noise;
 pub(crate) mod projector_light;
 pub(crate) mod response;
 pub(crate) mod spool;
+pub(crate) mod transfer;

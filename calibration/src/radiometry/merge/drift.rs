@@ -131,10 +131,10 @@ pub(super) fn chain(times: &[f64], steps: &[Option<(f64, f64)>]) -> Vec<Exposure
     let mut checks = Vec::new();
     for (k, &exposure_s) in times.iter().enumerate().rev() {
         let step = steps.get(k).copied().flatten();
-        if let Some((ratio, sigma)) = step {
-            if (ratio - 1.0).abs() > SIGNIFICANT * sigma {
-                gain *= ratio;
-            }
+        if let Some((ratio, sigma)) = step
+            && (ratio - 1.0).abs() > SIGNIFICANT * sigma
+        {
+            gain *= ratio;
         }
         let (step, step_sigma) = step.map_or((None, 0.0), |(r, s)| (Some(r), s));
         checks.push(ExposureCheck { exposure_s, gain, step, step_sigma });

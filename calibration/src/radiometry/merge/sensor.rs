@@ -5,7 +5,25 @@ use crate::radiometry::response::Response;
 
 /// Variance of a sample as a function of its mean exposure above black.
 pub(super) trait VarianceOf: Copy + Send + Sync {
-    fn variance(&self, exposure: f32) -> f32;
+    /// Whether `constant` is the same everywhere.
+    const EVEN: bool;
+
+    /// Read noise and quantisation.
+    fn constant(&self, exposure: f32) -> f32;
+
+    /// Variance for each unit of exposure, of photons.
+    fn shot(&self) -> f32;
+
+    /// The whole variance where `constant` is known already.
+    #[inline(always)]
+    fn with_photons(&self, constant: f32, exposure: f32) -> f32 {
+        (constant + self.shot() * exposure).max(FLOOR * constant)
+    }
+
+    #[inline(always)]
+    fn variance(&self, exposure: f32) -> f32 {
+        self.with_photons(self.constant(exposure), exposure)
+    }
 }
 
 /// The photon term goes on below zero, where noise has pushed a sample, down to this share of the
@@ -21,9 +39,16 @@ pub(super) struct Straight {
 }
 
 impl VarianceOf for Straight {
+    const EVEN: bool = true;
+
     #[inline(always)]
-    fn variance(&self, exposure: f32) -> f32 {
-        (self.dark + self.shot * exposure).max(FLOOR * self.dark)
+    fn constant(&self, _: f32) -> f32 {
+        self.dark
+    }
+
+    #[inline(always)]
+    fn shot(&self) -> f32 {
+        self.shot
     }
 }
 
@@ -38,10 +63,16 @@ pub(super) struct Curved<'a> {
 }
 
 impl VarianceOf for Curved<'_> {
+    const EVEN: bool = false;
+
     #[inline(always)]
-    fn variance(&self, exposure: f32) -> f32 {
-        let dark = self.dark[place(exposure.max(0.0))];
-        (dark + self.shot * exposure).max(FLOOR * dark)
+    fn constant(&self, exposure: f32) -> f32 {
+        self.dark[place(exposure.max(0.0))]
+    }
+
+    #[inline(always)]
+    fn shot(&self) -> f32 {
+        self.shot
     }
 }
 

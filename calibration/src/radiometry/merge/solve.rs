@@ -24,6 +24,10 @@ const MOST: usize = 10;
 /// is left is smaller by the relative noise once more.
 const SETTLED: f32 = 2.5e-5;
 
+/// Rounds that look up the variance of a curved response anew: later ones move far less than the
+/// table's step.
+const LOOKED_UP: usize = 2;
+
 /// Neighbours whose mean guides the weights in the dark: a power of two.
 const NEIGHBOURS: usize = 16;
 
@@ -43,6 +47,8 @@ pub(super) struct Exposures {
     pub dark: [f32; LANES],
     /// Variance of `dark`.
     pub dark_variance: f32,
+    /// Variance of each sample without the photons'.
+    constant: [f32; LANES],
     /// t/V of each sample, 0 where it is clipped.
     weight: [f32; LANES],
     clipped: Clipped,
@@ -57,12 +63,13 @@ enum Clipped {
 }
 
 impl Exposures {
-    pub fn new(time: f32, dark_variance: f32) -> Self {
+    pub fn new() -> Self {
         Self {
-            time,
+            time: 1.0,
             x: [0.0; LANES],
             dark: [0.0; LANES],
-            dark_variance,
+            dark_variance: 0.0,
+            constant: [0.0; LANES],
             weight: [0.0; LANES],
             clipped: Clipped::None,
         }
@@ -100,8 +107,11 @@ pub(super) fn solve<V: VarianceOf>(
 ) {
     start(frames, clipped, out);
     out.guide = out.radiance;
-    for _ in 0..MOST {
-        if iterate(frames, noise, clipped, out) < SETTLED {
+    for round in 0..MOST {
+        if !V::EVEN && round < LOOKED_UP {
+            look_up(frames, noise, out);
+        }
+        if iterate(frames, noise, clipped, out) {
             break;
         }
         find_guide(like, out);
@@ -117,19 +127,20 @@ fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
     let mut at_least = [0.0_f32; LANES];
     out.freedom = [-1.0; LANES];
     for frame in frames {
-        let mut open = 0.0_f32;
+        let per_time = 1.0 / frame.time;
+        let mut open = 0_u32;
         for l in 0..LANES {
+            open += u32::from(frame.x[l] < clipped);
             let counts = if frame.x[l] < clipped { 1.0 } else { 0.0 };
             let seen = frame.x[l] - frame.dark[l];
             light[l] += counts * seen;
             time[l] += counts * frame.time;
             out.freedom[l] += counts;
-            open += counts;
-            at_least[l] = at_least[l].max((1.0 - counts) * seen / frame.time);
+            at_least[l] = at_least[l].max((1.0 - counts) * seen * per_time);
         }
-        frame.clipped = if open == LANES as f32 {
+        frame.clipped = if open == LANES as u32 {
             Clipped::None
-        } else if open == 0.0 {
+        } else if open == 0 {
             Clipped::All
         } else {
             Clipped::Some
@@ -143,49 +154,60 @@ fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
     }
 }
 
-/// One round of weights; returns the largest squared step in units of the variance.
+/// The variance that does not come from photons.
+#[inline(always)]
+fn look_up<V: VarianceOf>(frames: &mut [Exposures], noise: V, out: &Solved) {
+    for frame in frames.iter_mut().filter(|f| f.clipped != Clipped::All) {
+        for l in 0..LANES {
+            let typical = frame.time * out.guide[l] + frame.dark[l];
+            frame.constant[l] = noise.constant(typical) + frame.dark_variance;
+        }
+    }
+}
+
+/// One round of weights; returns whether every sample has settled.
 #[inline(always)]
 fn iterate<V: VarianceOf>(
     frames: &mut [Exposures],
     noise: V,
     clipped: f32,
     out: &mut Solved,
-) -> f32 {
+) -> bool {
     let mut weighted = [0.0_f32; LANES];
     let mut information = [0.0_f32; LANES];
     let sigma = noise.variance(clipped).sqrt();
-    let dimmest = out.radiance.iter().copied().fold(f32::INFINITY, f32::min);
     for frame in frames {
         let t = frame.time;
-        if frame.clipped == Clipped::All && t * dimmest > clipped + EDGE * sigma {
-            continue;
-        }
-        for l in 0..LANES {
-            let typical = t * out.guide[l] + frame.dark[l];
-            let weight = t / (noise.variance(typical) + frame.dark_variance);
-            let open = frame.clipped == Clipped::None || frame.x[l] < clipped;
-            let weight = if open { weight } else { 0.0 };
-            frame.weight[l] = weight;
-            weighted[l] += weight * (frame.x[l] - frame.dark[l]);
-            information[l] += weight * t;
-        }
         if frame.clipped != Clipped::None {
             let sums = (&mut weighted, &mut information);
             add_clipped(frame, noise, clipped, sigma, &out.radiance, sums);
         }
+        if frame.clipped == Clipped::All {
+            continue;
+        }
+        let even = noise.constant(0.0) + frame.dark_variance;
+        for l in 0..LANES {
+            let typical = t * out.guide[l] + frame.dark[l];
+            let constant = if V::EVEN { even } else { frame.constant[l] };
+            let weight = t / noise.with_photons(constant, typical);
+            let weight = if frame.x[l] < clipped { weight } else { 0.0 };
+            frame.weight[l] = weight;
+            weighted[l] += weight * (frame.x[l] - frame.dark[l]);
+            information[l] += weight * t;
+        }
     }
-    let mut largest = 0.0_f32;
+    let mut moving = 0_u32;
     for l in 0..LANES {
         // Exposures that are all clipped bound the radiance on one side only.
         let known = out.freedom[l] >= 0.0;
         let next = weighted[l] / information[l];
         let next = if known { next } else { out.radiance[l] };
         let step = next - out.radiance[l];
-        largest = largest.max(step * step * information[l]);
+        moving += u32::from(step * step * information[l] > SETTLED);
         out.radiance[l] = next;
         out.information[l] = if known { information[l] } else { 0.0 };
     }
-    largest
+    moving == 0
 }
 
 /// Newton's step for the clipped samples of an exposure: score h/σ, information h (h − a)/V.
@@ -201,11 +223,15 @@ fn add_clipped<V: VarianceOf>(
     let t = frame.time;
     // Far above clipping a sample is clipped anyway, which says nothing.
     let certain = clipped + EDGE * sigma;
-    let mut near = [false; LANES];
+    let near = |l: usize| (frame.x[l] >= clipped) & (t * radiance[l] + frame.dark[l] < certain);
+    let mut some = 0_u32;
     for l in 0..LANES {
-        near[l] = frame.x[l] >= clipped && t * radiance[l] + frame.dark[l] < certain;
+        some += u32::from(near(l));
     }
-    for l in (0..LANES).filter(|l| near[*l]) {
+    if some == 0 {
+        return;
+    }
+    for l in (0..LANES).filter(|l| near(*l)) {
         let mean = t * radiance[l] + frame.dark[l];
         let variance = noise.variance(mean) + frame.dark_variance;
         let sigma = variance.sqrt();
@@ -225,13 +251,13 @@ fn add_clipped<V: VarianceOf>(
 /// The radiance that weights are computed for: the sample's own where it is clear of its noise.
 #[inline(always)]
 fn find_guide(like: usize, out: &mut Solved) {
-    let mut dim = false;
+    let mut dim = 0_u32;
     for l in 0..LANES {
         let clear = out.radiance[l].max(0.0).powi(2) * out.information[l];
-        dim |= clear < 16.0 * OWN * OWN && out.freedom[l] >= 0.0;
+        dim += u32::from((clear < 16.0 * OWN * OWN) & (out.freedom[l] >= 0.0));
     }
     out.guide = out.radiance;
-    if !dim {
+    if dim == 0 {
         return;
     }
     // Sums of 2, 4, 8 and 16 like neighbours, from half of them before to half of them after;

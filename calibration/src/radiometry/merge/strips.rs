@@ -36,6 +36,13 @@ pub(super) struct Job<'a> {
     pub noise_ratio: f64,
 }
 
+impl Job<'_> {
+    /// The first code that says nothing but "more".
+    fn clipped_code(&self) -> u16 {
+        self.noise.saturation.ceil().clamp(0.0, 65535.0) as u16
+    }
+}
+
 /// Counts over the picture.
 #[derive(Clone, Default)]
 pub(super) struct Tally {
@@ -64,25 +71,28 @@ struct Strip<'a> {
 /// One thread's room to work in.
 struct Bench {
     exposures: Vec<Exposures>,
+    /// How many of them the present block has.
+    used: usize,
     solved: Solved,
 }
 
 impl Bench {
     fn new(frames: &[Frame]) -> Self {
-        let exposures = frames.iter().map(|frame| match frame.dark {
-            Dark::Even(_) => Exposures::new(frame.few.time, 0.0),
-            Dark::Measured { variance, .. } => Exposures::new(frame.few.time, variance),
-        });
-        Self { exposures: exposures.collect(), solved: Solved::new() }
+        let exposures = frames.iter().map(|_| Exposures::new());
+        Self { exposures: exposures.collect(), used: 0, solved: Solved::new() }
     }
 
-    fn solve(&mut self, channel: &Channel, like: usize, arch: pulp::Arch) {
-        let (frames, out) = (&mut self.exposures, &mut self.solved);
-        if channel.is_straight() {
-            arch.dispatch(|| solve(frames, channel.straight(), channel.clipped, like, out));
-        } else {
-            arch.dispatch(|| solve(frames, channel.curved(), channel.clipped, like, out));
-        }
+    /// The next exposure of the block.
+    #[inline(always)]
+    fn next(&mut self, frame: &Frame) -> &mut Exposures {
+        let exposure = &mut self.exposures[self.used];
+        self.used += 1;
+        exposure.time = frame.few.time;
+        exposure.dark_variance = match frame.dark {
+            Dark::Even(_) => 0.0,
+            Dark::Measured { variance, .. } => variance,
+        };
+        exposure
     }
 }
 
@@ -134,14 +144,16 @@ fn solve_few(frames: &[Frame], channels: &[Channel]) -> (Vec<f32>, Vec<f32>) {
             || Bench::new(frames),
             |bench, &(c, from)| {
                 let count = LANES.min((c + 1) * each - from);
-                for (exposure, frame) in bench.exposures.iter_mut().zip(frames) {
+                bench.used = 0;
+                for frame in frames {
+                    let exposure = bench.next(frame);
                     for l in 0..count {
                         let few = &frame.few;
                         exposure.dark[l] = few.dark[from + l];
                         exposure.x[l] = few.light[from + l] + few.dark[from + l];
                     }
                 }
-                bench.solve(&channels[c], 1, arch);
+                arch.dispatch(Block { bench, channel: &channels[c] });
                 let out = &bench.solved;
                 let ratios = (0..count).filter(|&l| out.freedom[l] > 0.0).map(|l| {
                     // Wilson & Hilferty (1931): the median of χ² is n (1 − 2/(9n))³.
@@ -182,7 +194,7 @@ pub(super) fn run(job: &Job, spool: &mut Spool) -> Result<(Vec<f32>, Vec<f32>, T
                 || Bench::new(job.frames),
                 |bench, (i, (radiance, variance))| {
                     let at = i * piece;
-                    work(job, &strip, at, arch, bench, radiance, variance);
+                    arch.dispatch(Piece { job, strip: &strip, at, bench, radiance, variance });
                     let mut tally = Tally { moved: vec![0; job.frames.len()], ..Tally::default() };
                     finish(job, &strip, range.start, at, radiance, variance, &mut tally);
                     tally
@@ -194,17 +206,55 @@ pub(super) fn run(job: &Job, spool: &mut Spool) -> Result<(Vec<f32>, Vec<f32>, T
     Ok((radiance, variance, tally))
 }
 
+/// A block of the few pixels, to be solved with the vector unit that the machine has.
+struct Block<'a> {
+    bench: &'a mut Bench,
+    channel: &'a Channel,
+}
+
+impl pulp::WithSimd for Block<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        solve_channel(self.bench, self.channel, 1);
+    }
+}
+
+/// A piece of a strip, likewise.
+struct Piece<'a> {
+    job: &'a Job<'a>,
+    strip: &'a Strip<'a>,
+    at: usize,
+    bench: &'a mut Bench,
+    radiance: &'a mut [f32],
+    variance: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Piece<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        work(self);
+    }
+}
+
+#[inline(always)]
+fn solve_channel(bench: &mut Bench, channel: &Channel, like: usize) {
+    let (frames, out) = (&mut bench.exposures[..bench.used], &mut bench.solved);
+    if channel.is_straight() {
+        solve(frames, channel.straight(), channel.clipped, like, out);
+    } else {
+        solve(frames, channel.curved(), channel.clipped, like, out);
+    }
+}
+
 /// Solves one piece. Where a sample's exposures disagree, its variance comes out negative, for
 /// [`finish`] to look into.
-fn work(
-    job: &Job,
-    strip: &Strip,
-    at: usize,
-    arch: pulp::Arch,
-    bench: &mut Bench,
-    radiance: &mut [f32],
-    variance: &mut [f32],
-) {
+#[inline(always)]
+fn work(piece: Piece) {
+    let Piece { job, strip, at, bench, radiance, variance } = piece;
     let n = job.shape.channels;
     let size = radiance.len();
     let straight = job.channels[0].is_straight();
@@ -213,14 +263,25 @@ fn work(
     // In a mosaic every other sample is of the same colour; in a grey picture it does no harm.
     let like = if !straight { 1 } else { n.max(2) };
     let worse = (job.noise_ratio * job.noise_ratio).max(1.0) as f32;
+    let clipped = job.clipped_code();
     for part in 0..parts {
         let channel = &job.channels[part];
         let mut first = part;
         while first < size {
             let count = LANES.min((size - first).div_ceil(stride));
+            bench.used = 0;
+            let mut beyond = f32::INFINITY;
             for (k, frame) in job.frames.iter().enumerate() {
-                let exposure = &mut bench.exposures[k];
-                let codes = &strip.codes[k][at + first..];
+                let codes = &strip.codes[k][at + first..at + size];
+                if all_clipped(codes, stride, count, clipped) {
+                    // What the shortest of those clips in the whole block, longer ones clip for
+                    // sure: they say nothing.
+                    if frame.few.time > 1.1 * beyond {
+                        continue;
+                    }
+                    beyond = beyond.min(frame.few.time);
+                }
+                let exposure = bench.next(frame);
                 load(codes, stride, count, channel, &mut exposure.x);
                 match frame.dark {
                     Dark::Even(level) => exposure.dark = [level; LANES],
@@ -233,7 +294,7 @@ fn work(
                     }
                 }
             }
-            bench.solve(channel, like, arch);
+            solve_channel(bench, channel, like);
             let out = &bench.solved;
             for l in 0..count {
                 let place = first + l * stride;
@@ -248,8 +309,18 @@ fn work(
     }
 }
 
+#[inline(always)]
+fn all_clipped(codes: &[u16], stride: usize, count: usize, clipped: u16) -> bool {
+    if stride == 1 {
+        let mut open = 0_u16;
+        codes.iter().take(count).for_each(|c| open |= u16::from(*c < clipped));
+        return open == 0;
+    }
+    codes.iter().step_by(stride).take(count).all(|c| *c >= clipped)
+}
+
 /// Codes to exposures above black.
-#[inline]
+#[inline(always)]
 fn load(codes: &[u16], stride: usize, count: usize, channel: &Channel, x: &mut [f32; LANES]) {
     if let Some((scale, black)) = channel.line() {
         x.iter_mut().zip(codes).take(count).for_each(|(x, c)| *x = f32::from(*c) * scale - black);
@@ -275,7 +346,7 @@ fn finish(
     let n = job.shape.channels;
     let longest = job.frames.last().map_or(1.0, |f| f.few.time);
     let lost = (job.noise.read_noise / job.noise.full_scale) as f32 / longest;
-    let clipped = job.noise.saturation.ceil().clamp(0.0, 65535.0) as u16;
+    let clipped = job.clipped_code();
     let shortest = &strip.codes[0][at..at + radiance.len()];
     for (codes, radiance) in shortest.chunks_exact(n).zip(radiance.chunks_exact(n)) {
         tally.clipped += usize::from(codes.iter().any(|c| *c >= clipped));
