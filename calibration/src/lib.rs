@@ -18,7 +18,7 @@ pub use colour::cie::{delta_e2000, srgb_to_linear};
 pub use colour::fit::{ColourCalibration, DeltaE, ModelScore, PatchFit, calibrate_colour};
 pub use colour::model::{ColourCorrection, ColourModel};
 pub use colour::patches::Patch;
-pub use colour::reference::{ChartReference, Illuminant};
+pub use colour::reference::{ChartReference, Illuminant, PATCH_NAMES};
 pub use colour::white_balance::{WhiteBalance, white_balance};
 pub use cv::opencv_version;
 pub use detection::board::{Board, Markers};

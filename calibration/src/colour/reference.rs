@@ -67,6 +67,34 @@ const FROM_2014: [[i16; 3]; 24] = [
     [2064, 7, -46],
 ];
 
+/// Names of the patches, row by row.
+pub const PATCH_NAMES: [&str; 24] = [
+    "dark skin",
+    "light skin",
+    "blue sky",
+    "foliage",
+    "blue flower",
+    "bluish green",
+    "orange",
+    "purplish blue",
+    "moderate red",
+    "purple",
+    "yellow green",
+    "orange yellow",
+    "blue",
+    "green",
+    "red",
+    "yellow",
+    "magenta",
+    "cyan",
+    "white",
+    "neutral 8",
+    "neutral 6.5",
+    "neutral 5",
+    "neutral 3.5",
+    "black",
+];
+
 impl ChartReference {
     /// The manufacturer's colours of charts made from November 2014 on.
     ///

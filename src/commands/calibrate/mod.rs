@@ -2,6 +2,9 @@
 
 mod all;
 mod camera;
+mod colour;
+mod colour_input;
+mod swatches;
 
 pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
 
@@ -15,11 +18,14 @@ pub(crate) enum Args {
     All(all::Args),
     /// A camera, from any folder of photographs of a chessboard
     Camera(camera::Args),
+    /// A camera's colours, from a photograph of a ColorChecker Classic
+    Colour(colour::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     match args {
         Args::All(args) => all::run(args),
         Args::Camera(args) => camera::run(args),
+        Args::Colour(args) => colour::run(args),
     }
 }
