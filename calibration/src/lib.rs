@@ -14,7 +14,13 @@ mod photo;
 mod radiometry;
 mod structured_light;
 
-pub use colour::chart::{Patch, WhiteBalance, find_chart, white_balance};
+pub use colour::chart::{find_chart, read_chart};
+pub use colour::cie::{delta_e2000, srgb_to_linear};
+pub use colour::fit::{ColourCalibration, DeltaE, ModelScore, PatchFit, calibrate_colour};
+pub use colour::model::{ColourCorrection, ColourModel};
+pub use colour::patches::Patch;
+pub use colour::reference::{ChartReference, Illuminant, PATCH_NAMES};
+pub use colour::white_balance::{WhiteBalance, white_balance};
 pub use cv::opencv_version;
 pub use detection::board::{Board, Markers};
 pub use detection::dictionary::MarkerDictionary;

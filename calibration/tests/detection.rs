@@ -15,13 +15,24 @@ fn camera() -> CameraModel {
         fy: 905.0,
         cx: 392.0,
         cy: 306.0,
-        distortion: [-0.12, 0.05, 0.0008, -0.0005, 0.0],
+        skew: 0.0,
+        distortion: [-0.12, 0.05, 0.0008, -0.0005, 0.0, 0.0, 0.0, 0.0],
     }
 }
 
-fn render(pose: Pose, light: impl Fn(f64, f64) -> f64 + Sync) -> Photo {
+fn render(pose: Pose, light: impl Fn(f64, f64) -> f64) -> Photo {
     let plane = FacePlane { device: camera(), pose, z_mm: 0.0 };
-    let data = plane.paint(light).into_iter().map(|v| (15.0 + 200.0 * v).round() as u16).collect();
+    // Edges are averaged over 4 x 4 rays a pixel.
+    let offset = |i: usize| (i as f64 + 0.5) / 4.0 - 0.5;
+    let pixel = |i: usize| {
+        let (u, v) = ((i % 800) as f64, (i / 800) as f64);
+        let rays = (0..16).map(|ray| {
+            let place = plane.pixel_to_face([u + offset(ray % 4), v + offset(ray / 4)]);
+            place.map_or(0.0, |[x, y]| light(x, y))
+        });
+        (15.0 + 200.0 * rays.sum::<f64>() / 16.0).round() as u16
+    };
+    let data = (0..800 * 600).map(pixel).collect();
     let name = "board.png".into();
     Photo { width: 800, height: 600, channels: 1, data, max_value: 255, name }
 }

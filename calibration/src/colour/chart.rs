@@ -1,17 +1,19 @@
-//! White balance from a ColorChecker Classic.
+//! A ColorChecker Classic in a picture: found, and checked before it is believed.
 
 use opencv::core::{Mat, Size};
 use opencv::imgproc;
 use opencv::mcc::{MCC_CCheckerDetector, MCC_TYPECHART};
 use opencv::prelude::*;
-use serde::{Deserialize, Serialize};
 
+use crate::colour::cie::srgb_to_linear;
+use crate::colour::patches::{Chart, Patch};
+use crate::colour::white_balance::GREYS;
 use crate::cv;
 use crate::error::{CalibrationError, Result};
 use crate::radiometry::hdr::HdrImage;
 
 /// Published colours of the 24 patches, row by row from dark skin to black: 8-bit sRGB under D65.
-const REFERENCE: [[u8; 3]; 24] = [
+pub(crate) const REFERENCE: [[u8; 3]; 24] = [
     [115, 82, 68],
     [194, 150, 130],
     [98, 122, 157],
@@ -38,10 +40,6 @@ const REFERENCE: [[u8; 3]; 24] = [
     [52, 52, 52],
 ];
 
-/// Patches of the grey row that set the balance: the white one may be clipped by gloss and the
-/// black one is mostly stray light.
-const GREYS: std::ops::Range<usize> = 19..23;
-
 /// Mean distance from the published colours, in the units of [`distances`]: whole charts are 0.1
 /// away under an uncorrected camera and 0.18 under one with a harsh tone curve, one half hidden
 /// by a leaf 0.3.
@@ -50,104 +48,104 @@ const LARGEST_MEAN_DISTANCE: f64 = 0.24;
 /// Distance of any one patch: 0.2 to 0.3 on whole charts, 0.7 on the half hidden one.
 const LARGEST_DISTANCE: f64 = 0.45;
 
+/// Brightness of the lines between the patches over that of the patches.
+const MOST_FILLED: f64 = 0.5;
+
+/// More clipped patches leave too few; of those that set the balance none may be.
+const CLIPPED_PATCHES: usize = 3;
+
 /// Median absolute deviation over a patch's median: sensor noise stays well below.
 const LARGEST_UNEVENNESS: f64 = 0.2;
-
-/// One patch of the chart in the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Patch {
-    /// Centre, pixels.
-    pub centre: [f64; 2],
-    /// Median radiance R, G, B over the inner part of the patch.
-    pub radiance: [f64; 3],
-    /// Median absolute deviation over the median, worst channel: texture, gloss or a stranger.
-    pub unevenness: f64,
-}
-
-/// What makes the chart's greys grey.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct WhiteBalance {
-    /// Factors on (radiance − black), G = 1.
-    pub gains: [f64; 3],
-    /// Stray light to subtract from R, G, B, in the picture's unit.
-    pub black: [f64; 3],
-}
-
-impl WhiteBalance {
-    /// A balanced colour.
-    pub fn apply(&self, rgb: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|c| self.gains[c] * (rgb[c] - self.black[c]))
-    }
-}
 
 /// Finds a whole ColorChecker Classic in a linear RGB picture; 24 patches row by row, dark skin
 /// first, black last.
 ///
 /// # Errors
-/// No chart, or one that cannot be trusted: a grey row that does not darken from patch to patch,
-/// uneven patches, or colours far from the published ones (half hidden, dirty or another chart).
+/// [`CalibrationError::ChartNotFound`] without a chart, or with one that cannot be trusted: seen in
+/// a mirror, out of focus, clipped, with a grey row that does not darken from patch to patch, with
+/// uneven patches, or with colours far from the published ones (half hidden, dirty or another
+/// chart).
 pub fn find_chart(image: &HdrImage, name: &str) -> Result<[Patch; 24]> {
     let refuse =
         |reason: String| CalibrationError::ChartNotFound { picture: name.to_owned(), reason };
-    let samples = image.width * image.height * 3;
-    if image.channels != 3 || image.radiance.len() != samples || samples == 0 {
-        return Err(refuse(format!(
-            "expected a colour picture, found {} channel(s)",
-            image.channels
-        )));
-    }
+    check_image(image, name)?;
     let corners = detect(image)
         .map_err(CalibrationError::opencv("looking for a ColorChecker"))?
         .ok_or_else(|| refuse("none seen".into()))?;
     // The detector does not say which corner is which: the colours do.
-    let mut best: Option<(f64, [Patch; 24])> = None;
+    let mut best: Option<(f64, Chart, bool)> = None;
     for turn in 0..8 {
         let mut ring: [[f64; 2]; 4] = std::array::from_fn(|i| corners[(i + turn) % 4]);
         if turn >= 4 {
             ring.reverse();
         }
-        let patches = measure(image, &ring)?;
-        let distance = colour_distance(&patches);
-        if best.as_ref().is_none_or(|(least, _)| distance < *least) {
-            best = Some((distance, patches));
+        let chart = Chart::within(ring)?;
+        let distance = colour_distance(&chart.patches(image));
+        if best.as_ref().is_none_or(|(least, ..)| distance < *least) {
+            best = Some((distance, chart, is_mirrored(&ring)));
         }
     }
-    let (distance, patches) = best.ok_or_else(|| refuse("none seen".into()))?;
-    check(&patches, distance).map_err(refuse)?;
-    Ok(patches)
+    let (_, chart, mirrored) = best.ok_or_else(|| refuse("none seen".into()))?;
+    if mirrored {
+        return Err(refuse("it is mirrored: was the picture flipped?".into()));
+    }
+    checked(image, &chart).map_err(refuse)
 }
 
-/// Gains and black from the chart's greys: each channel's radiance is a straight line over the
-/// published reflectance, radiance = black + slope · reflectance; gains make the slopes equal.
+/// Reads a ColorChecker Classic whose place is known: `middles` are the pixels of the middles of
+/// its corner patches, dark skin, bluish green, black and white.
 ///
 /// # Errors
-/// A channel that does not rise with reflectance.
-pub fn white_balance(patches: &[Patch; 24]) -> Result<WhiteBalance> {
-    let mut slopes = [0.0; 3];
-    let mut black = [0.0; 3];
-    for c in 0..3 {
-        let points: Vec<(f64, f64)> =
-            GREYS.map(|i| (reflectance(REFERENCE[i][1]), patches[i].radiance[c])).collect();
-        // Relative errors count alike in dark and bright patches: weights 1/reflectance².
-        let weighted = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
-            points.iter().map(|&(x, y)| f(x, y) / (x * x)).sum()
-        };
-        let (w, x, y) = (weighted(&|_, _| 1.0), weighted(&|x, _| x), weighted(&|_, y| y));
-        let (xx, xy) = (weighted(&|x, _| x * x), weighted(&|x, y| x * y));
-        slopes[c] = (w * xy - x * y) / (w * xx - x * x);
-        black[c] = ((y - slopes[c] * x) / w).max(0.0);
-        // Radiance below zero without light is the noise of four patches, not a black level.
-        if black[c] == 0.0 {
-            slopes[c] = xy / xx;
-        }
+/// As [`find_chart`]; the place is checked like one that was found.
+pub fn read_chart(image: &HdrImage, middles: [[f64; 2]; 4], name: &str) -> Result<[Patch; 24]> {
+    let refuse =
+        |reason: String| CalibrationError::ChartNotFound { picture: name.to_owned(), reason };
+    check_image(image, name)?;
+    let (width, height) = (image.width as f64, image.height as f64);
+    if let Some(p) =
+        middles.iter().find(|p| !((0.0..width).contains(&p[0]) && (0.0..height).contains(&p[1])))
+    {
+        return Err(refuse(format!("patch at {p:?} is outside of its {width} x {height} pixels")));
     }
-    if slopes.iter().any(|&s| !(s.is_finite() && s > 0.0)) {
-        return Err(CalibrationError::ChartNotFound {
-            picture: "grey row".into(),
-            reason: format!("radiance does not rise with reflectance (slopes {slopes:?})"),
-        });
+    if is_mirrored(&middles) {
+        return Err(refuse(
+            "its corners are mirrored: dark skin, bluish green, black, white go clockwise".into(),
+        ));
     }
-    Ok(WhiteBalance { gains: slopes.map(|s| slopes[1] / s), black })
+    checked(image, &Chart::between(middles)?).map_err(refuse)
+}
+
+fn check_image(image: &HdrImage, name: &str) -> Result<()> {
+    let samples = image.width * image.height * 3;
+    if image.channels == 3 && image.radiance.len() == samples && samples > 0 {
+        return Ok(());
+    }
+    Err(CalibrationError::ChartNotFound {
+        picture: name.to_owned(),
+        reason: format!("expected a colour picture, found {} channel(s)", image.channels),
+    })
+}
+
+/// Whether corners that go clockwise on the chart go the other way in the picture.
+fn is_mirrored(ring: &[[f64; 2]; 4]) -> bool {
+    let twice_area: f64 =
+        (0..4).map(|i| (ring[i], ring[(i + 1) % 4])).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
+    twice_area < 0.0
+}
+
+fn checked(image: &HdrImage, chart: &Chart) -> std::result::Result<[Patch; 24], String> {
+    let patches = chart.patches(image);
+    check(&patches, colour_distance(&patches))?;
+    let filled = chart.gaps_filled(image, &patches);
+    if filled > MOST_FILLED {
+        return Err(format!(
+            "too blurred: the black lines between its patches are {:.0} % as bright as the \
+             patches (at most {:.0} %)",
+            100.0 * filled,
+            100.0 * MOST_FILLED
+        ));
+    }
+    Ok(patches)
 }
 
 /// The chart's four corners in the picture's pixels, in either sense of rotation.
@@ -180,51 +178,9 @@ fn detect(image: &HdrImage) -> opencv::Result<Option<[[f64; 2]; 4]>> {
         .map(|ring: [[f64; 2]; 4]| ring.map(|corner| corner.map(|v| (v + 0.5) / shrink - 0.5))))
 }
 
-/// Medians of all patches, for a chart with corners top left, top right, bottom right, bottom
-/// left. In the chart's own unit a patch is 2.5 wide, gaps and rim 0.25.
-fn measure(image: &HdrImage, ring: &[[f64; 2]; 4]) -> Result<[Patch; 24]> {
-    let (wide, high) = (6.0 * 2.75 + 0.25, 4.0 * 2.75 + 0.25);
-    let chart = [[0.0, 0.0], [wide, 0.0], [wide, high], [0.0, high]];
-    let map = cv::homography(&chart, ring)?;
-    let mut patches = [Patch { centre: [0.0; 2], radiance: [0.0; 3], unevenness: 0.0 }; 24];
-    for (i, patch) in patches.iter_mut().enumerate() {
-        let middle = [1.5 + 2.75 * (i % 6) as f64, 1.5 + 2.75 * (i / 6) as f64];
-        patch.centre = cv::apply_homography(&map, middle);
-        // The inner half of the patch, well away from its rim.
-        const STEPS: usize = 15;
-        let mut values = [const { Vec::new() }; 3];
-        for step in 0..STEPS * STEPS {
-            let part = |k: usize| 1.3 * (k as f64 / (STEPS - 1) as f64 - 0.5);
-            let place = [middle[0] + part(step % STEPS), middle[1] + part(step / STEPS)];
-            let [u, v] = cv::apply_homography(&map, place).map(f64::round);
-            if u < 0.0 || v < 0.0 || u >= image.width as f64 || v >= image.height as f64 {
-                continue;
-            }
-            let at = 3 * (v as usize * image.width + u as usize);
-            for (c, list) in values.iter_mut().enumerate() {
-                list.push(f64::from(image.radiance[at + c]));
-            }
-        }
-        for (c, mut list) in values.into_iter().enumerate() {
-            let middle = median(&mut list);
-            list.iter_mut().for_each(|v| *v = (*v - middle).abs());
-            patch.radiance[c] = middle;
-            patch.unevenness = patch.unevenness.max(median(&mut list) / middle.abs().max(1e-12));
-        }
-    }
-    Ok(patches)
-}
-
-/// The median, NaN for nothing.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
 /// Linear reflectance of an sRGB code (IEC 61966-2-1).
-fn reflectance(code: u8) -> f64 {
-    let v = f64::from(code) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+pub(crate) fn reflectance(code: u8) -> f64 {
+    srgb_to_linear(f64::from(code) / 255.0)
 }
 
 /// Distance of every patch from its published colour after balancing the greys: Euclid in the
@@ -253,6 +209,11 @@ fn colour_distance(patches: &[Patch; 24]) -> f64 {
 }
 
 fn check(patches: &[Patch; 24], distance: f64) -> std::result::Result<(), String> {
+    let clipped: Vec<usize> = (0..24).filter(|&i| patches[i].is_clipped()).collect();
+    if clipped.len() > CLIPPED_PATCHES || clipped.iter().any(|i| GREYS.contains(i)) {
+        let names: Vec<String> = clipped.iter().map(|i| (i + 1).to_string()).collect();
+        return Err(format!("clipped: patch {}", names.join(", ")));
+    }
     let green = |i: usize| patches[i].radiance[1];
     if let Some(i) = (18..23).find(|&i| green(i) <= green(i + 1)) {
         let (step, next) = (i - 17, i - 16);

@@ -30,7 +30,8 @@ pub struct HdrImage {
 }
 
 impl HdrImage {
-    /// One picture through a response, in linearised full scales (exposure time 1 s).
+    /// One picture through a response, in linearised full scales (exposure time 1 s). Samples at
+    /// full scale have infinite variance.
     ///
     /// # Errors
     /// A picture whose samples do not match its size or the response's channels.
@@ -44,6 +45,8 @@ impl HdrImage {
             });
         }
         let full = f64::from(photo.max_value);
+        // JPEG leaves clipped places a little below full scale.
+        let clipped = |&code: &u16| if f64::from(code) > 0.99 * full { f32::INFINITY } else { 1.0 };
         let radiance = photo.data.iter().enumerate().map(|(i, &code)| {
             response.linearise(f64::from(code) / full, i % photo.channels) as f32
         });
@@ -52,7 +55,7 @@ impl HdrImage {
             height: photo.height,
             channels: photo.channels,
             radiance: radiance.collect(),
-            variance: vec![1.0; photo.data.len()],
+            variance: photo.data.iter().map(clipped).collect(),
             variance_known: false,
             clipped_shortest: 0,
             lost_longest: 0,

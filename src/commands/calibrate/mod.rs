@@ -3,11 +3,14 @@
 mod all;
 mod camera;
 mod coded;
+mod colour;
+mod colour_input;
 mod convert;
 mod light;
 mod options;
 mod points;
 mod projector;
+mod swatches;
 
 pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
 
@@ -27,6 +30,8 @@ pub(crate) enum Args {
     Convert(convert::Args),
     /// The projector's light: response, black, contrast, evenness, colour wheel
     Light(light::Args),
+    /// A camera's colours, from a photograph of a ColorChecker Classic
+    Colour(colour::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -36,5 +41,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Args::Projector(args) => projector::run(args),
         Args::Convert(args) => convert::run(args),
         Args::Light(args) => light::run(args),
+        Args::Colour(args) => colour::run(args),
     }
 }
