@@ -59,10 +59,7 @@ pub use radiometry::projector_light::{
     ChannelLight, ProjectorFlatField, ProjectorLight, measure_projector_light,
 };
 pub use radiometry::response::{KNOTS, Response};
-<<<<<<< HEAD
+pub use radiometry::transfer::{Estimate, PhotonTransfer, SensorNoise, TransferPoint};
 pub use structured_light::corners::{LitCorner, light_corners};
 pub use structured_light::decode::{CodeMap, Decoded, decode};
 pub use structured_light::layout::{CodeLayout, CodePicture, PhaseShift};
-=======
-pub use radiometry::transfer::{Estimate, PhotonTransfer, SensorNoise, TransferPoint};
->>>>>>> rad
