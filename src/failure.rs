@@ -59,9 +59,21 @@ impl From<material::FileError> for Failure {
 
 impl From<calibration::CalibrationError> for Failure {
     fn from(error: calibration::CalibrationError) -> Self {
+        use calibration::CalibrationError as E;
+        let hint = match &error {
+            E::TooFewViews { .. } => "take more pictures: ten or so, tilted and placed differently",
+            E::Degenerate { .. } => {
+                "tilt the board by 20 to 40 degrees, about another axis in each picture"
+            }
+            E::Folded { .. } => {
+                "leave the choice to --distortion auto, or add views that reach into that corner"
+            }
+            _ => "",
+        };
         match error {
-            calibration::CalibrationError::File(error) => error.into(),
-            error => Self::input(error),
+            E::File(error) => error.into(),
+            error if hint.is_empty() => Self::input(error),
+            error => Self::input(error).hint(hint),
         }
     }
 }

@@ -172,7 +172,6 @@ fn steps_that_were_left_out() {
     let told = |run: Run, file: &str, command: &str| {
         refused_with_hint(&run, &[file, "not there yet"], &format!("{command} {session}"));
     };
-    told(diaphane(["calibrate", "all", &session]), "board-01", "diaphane capture");
     told(diaphane(["merge", &session]), "calibration.json", "diaphane calibrate all");
     told(diaphane(["solve", &session]), "measurement.npz", "diaphane merge");
     told(diaphane(["export", &session]), "material.diaphane", "diaphane solve");

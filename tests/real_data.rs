@@ -23,8 +23,8 @@ fn data(folder: &str) -> Option<PathBuf> {
     None
 }
 
-/// OpenCV's tutorials reach 0.41 px here and lose corners in two views; 0.1954 px is what the
-/// plain pinhole model with well-placed corners gives, 0.21 leaves room for another corner finder.
+/// OpenCV's tutorials reach 0.41 px here and lose corners in two views; mrcal, with a bent board,
+/// 0.1875 px and 0.26 px in the worst view.
 #[test]
 fn a_camera_from_opencvs_chessboards() {
     let Some(images) = data("chessboard/opencv_stereo") else { return };
@@ -41,12 +41,103 @@ fn a_camera_from_opencvs_chessboards() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     assert_eq!((&run.json["views_found"], &run.json["views_total"]), (&13.into(), &13.into()));
     let number = |key: &str| run.json[key].as_f64().unwrap();
-    assert!(number("rms_px") <= 0.21, "{}", run.json);
-    assert!(number("worst_view_px") < 0.5, "{}", run.json);
+    assert!(number("rms_px") <= 0.1875, "{}", run.json);
+    assert!(number("worst_view_px") <= 0.26, "{}", run.json);
     // Published with the pictures, from fits of 0.39 px: 535.9 and (342.3, 235.6).
     assert!((number("fx") - 535.9).abs() < 6.0 && (number("fy") - 535.9).abs() < 6.0);
     assert!((number("cx") - 342.3).abs() < 6.0 && (number("cy") - 235.6).abs() < 6.0);
     assert_eq!(run.json["distortion"].as_array().unwrap().len(), 8);
+}
+
+/// Zhang's five views from lists of points: his published digits, and the way to other programs.
+#[test]
+fn a_camera_from_zhangs_points_and_on_to_opencv_and_mrcal() {
+    let Some(dir) = data("chessboard/zhang1998") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    // The model is in inches.
+    let model = std::fs::read_to_string(dir.join("Model.txt")).unwrap();
+    let mm = model.split_whitespace().map(|v| (25.4 * v.parse::<f64>().unwrap()).to_string());
+    std::fs::write(file("board.txt"), mm.collect::<Vec<_>>().join(" ")).unwrap();
+    let views = (1..=5).map(|i| dir.join(format!("data{i}.txt")).to_str().unwrap().to_owned());
+    let (board, skewed, plain) = (file("board.txt"), file("skewed.toml"), file("plain.toml"));
+    let calibrate = |more: &[&str]| {
+        let mut args: Vec<String> = ["calibrate", "camera", "--points"].map(Into::into).into();
+        args.extend(views.clone());
+        args.extend(["--plane", &board, "--size", "640x480", "--distortion"].map(Into::into));
+        args.extend(more.iter().map(|&m| m.into()));
+        diaphane(args)
+    };
+    let run = calibrate(&["k1-k2", "--skew", "--output", &skewed]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let number = |key: &str| run.json[key].as_f64().unwrap();
+    let published = [("fx", 832.50, 5e-3), ("skew", 0.2045, 5e-5), ("fy", 832.53, 5e-3)];
+    let published = published.into_iter().chain([("cx", 303.96, 5e-3), ("cy", 206.59, 6e-3)]);
+    for (key, value, half) in published.chain([("rms_px", 0.33643, 5e-6)]) {
+        // Half of the last published digit.
+        assert!((number(key) - value).abs() <= half, "{key}: {}", number(key));
+    }
+    // Neither OpenCV nor mrcal has a skew: told, not dropped.
+    for name in ["skewed.yml", "skewed.cameramodel"] {
+        let refused = diaphane(["calibrate", "convert", &skewed, &file(name)]);
+        assert_eq!(refused.code, 2, "{}", refused.stderr);
+        assert!(refused.stderr.contains("right angles"), "{}", refused.stderr);
+    }
+    assert_eq!(calibrate(&["five", "--output", &plain]).code, 0);
+    let camera = |path: &str| calibration::read_geometry(path.as_ref()).unwrap().camera.model;
+    for name in ["plain.yml", "plain.xml", "plain.json"] {
+        let (there, back) = (file(name), file(&format!("{name}.toml")));
+        for (from, to) in [(&plain, &there), (&there, &back)] {
+            let run = diaphane(["calibrate", "convert", from, to]);
+            assert_eq!(run.code, 0, "{}", run.stderr);
+        }
+        // OpenCV prints 17 digits.
+        assert_eq!(camera(&back), camera(&plain), "{name}");
+    }
+    let run = diaphane(["calibrate", "convert", &plain, &file("plain.cameramodel")]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    // What is there stays.
+    let again = calibrate(&["five", "--output", &plain]);
+    assert_eq!(again.code, 2);
+    assert!(again.json["hint"].as_str().unwrap().contains("--force"));
+}
+
+/// A real projector whose lens shift puts the principal point below its picture. The best known
+/// joint adjustment of the corners that came with the pictures: 0.265 px overall, projector 0.21,
+/// 1892.6 1897.4 502.9 854.2, baseline 675.6 mm. Those corners jump where the board curls; ours
+/// are named there, so that the focal lengths differ by half a percent.
+#[test]
+fn a_projector_from_gray_code() {
+    let Some(images) = data("procam/kamino410") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("rig.toml");
+    let run = diaphane([
+        "calibrate",
+        "projector",
+        "--images",
+        images.to_str().unwrap(),
+        "--board",
+        "9x7",
+        "--square",
+        "75",
+        "--projector",
+        "1024x768",
+        "--output",
+        output.to_str().unwrap(),
+    ]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let number = |key: &str| run.json[key].as_f64().unwrap();
+    assert_eq!(run.json["poses_found"], 5);
+    assert!(number("rms_px") <= 0.265 && number("projector_rms_px") <= 0.21, "{}", run.stderr);
+    let of = |key: &str| run.json["projector"][key].as_f64().unwrap();
+    assert!((of("fx") / 1892.6 - 1.0).abs() < 0.01 && (of("fy") / 1897.4 - 1.0).abs() < 0.015);
+    assert!(of("cy") > 768.0 && (of("cy") - 854.2).abs() < 15.0, "{}", run.stderr);
+    assert!((number("baseline_mm") - 675.6).abs() < 4.0, "{}", run.stderr);
+    // The corners that were left out are few, and named.
+    let outliers = run.json["outliers"].as_array().unwrap();
+    assert!(outliers.len() <= 630 / 20, "{} of 630", outliers.len());
+    let read = calibration::read_geometry(&output).unwrap();
+    assert_eq!((read.observations.len(), read.outliers.len()), (5, outliers.len()));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use material::Face;
 use serde::{Deserialize, Serialize};
 
-use crate::{Frame, ProjectorImage};
+use crate::{Frame, HeldBoard, ProjectorImage};
 
 /// A whole rig.
 pub struct Rig {
@@ -130,9 +130,11 @@ impl std::fmt::Display for Target {
         };
         match self {
             Target::Sample => write!(f, "the sample"),
-            Target::Board { pose } => write!(f, "the chessboard in pose {}", pose + 1),
+            Target::Board { pose } => {
+                write!(f, "the chessboard, pose {}: {}", pose + 1, HeldBoard::pose(*pose))
+            }
             Target::Sheet { pose } => {
-                write!(f, "a white sheet over the chessboard in pose {}", pose + 1)
+                write!(f, "a white sheet over the chessboard, still in pose {}", pose + 1)
             }
             Target::FaceBoard { face } => {
                 write!(f, "the chessboard in the plane of the sample's {} face", plane(face))

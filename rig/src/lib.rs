@@ -7,6 +7,7 @@ mod acquisition;
 mod code;
 mod device;
 mod frame;
+mod held;
 mod journal;
 mod pattern;
 mod plan;
@@ -22,8 +23,9 @@ pub use device::{
     Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Rig, Target,
 };
 pub use frame::{Frame, FrameError, FrameMetadata, FrameStats, read_frame, write_frame};
+pub use held::HeldBoard;
 pub use journal::{Entry, Event, Journal, JournalError, Recorded, StopStatus, read_journal};
 pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
 pub use plan::{Plan, PlanError, PlanSummary, PlanWarning, Purpose, Shot};
 pub use render::{FaceMap, ProjectorImage};
-pub use runner::{Outcome, Progress, RunError, RunOptions, Step, frame_path, run};
+pub use runner::{Outcome, Progress, RunError, RunOptions, Step, frame_path, run, set_aside};

@@ -44,6 +44,9 @@ pub struct Progress<'a> {
 /// What happened to a frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
+    /// Something is being put on the bench for the shot; the request of a person, where the bench
+    /// has no hands of its own.
+    Placing(Target),
     /// It was there already, unchanged.
     Kept,
     /// It was taken.
@@ -160,6 +163,29 @@ pub fn run(
     Ok(outcome)
 }
 
+/// Moves the frames of a shot aside (`….png.set-aside-1`), so that the next run takes them again.
+///
+/// # Errors
+/// A file that cannot be moved.
+pub fn set_aside(session: &Path, shot: &Shot) -> Result<(), FileError> {
+    for exposure in 0..shot.exposures_s.len() {
+        for repeat in 0..shot.repeats {
+            move_aside(&session.join(frame_path(&shot.name, exposure, repeat)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Renames a file to the first free name beside it, which is returned; None if it is not there.
+fn move_aside(path: &Path) -> Result<Option<String>, FileError> {
+    let places = (1..).map(|n| PathBuf::from(format!("{}.set-aside-{n}", path.display())));
+    let aside = places.into_iter().find(|aside| !aside.exists()).filter(|_| path.exists());
+    let Some(aside) = aside else { return Ok(None) };
+    let failed = |source| FileError::Io { path: path.into(), action: "move aside", source };
+    std::fs::rename(path, &aside).map_err(failed)?;
+    Ok(aside.file_name().map(|name| name.to_string_lossy().into_owned()))
+}
+
 struct Run<'a, 'p> {
     rig: &'a mut Rig,
     session: &'a Path,
@@ -196,6 +222,13 @@ impl Run<'_, '_> {
                             continue;
                         }
                         if placed != Some(shot.target) {
+                            (self.progress)(Progress {
+                                done: outcome.kept + outcome.taken,
+                                total: self.total,
+                                shot: &shot.name,
+                                step: Step::Placing(shot.target),
+                                left_s: None,
+                            });
                             let place = |rig: &mut Rig| rig.bench.place(&shot.target);
                             self.persist(shot, &outcome, place)?;
                             placed = Some(shot.target);
@@ -248,13 +281,7 @@ impl Run<'_, '_> {
             Some(_) => "has changed since it was taken",
             None => "is not in the journal",
         };
-        let aside = (1..).map(|n| PathBuf::from(format!("{}.set-aside-{n}", path.display())));
-        let aside = aside.into_iter().find(|aside| !aside.exists());
-        if let Some(aside) = aside {
-            let failed =
-                |source| FileError::Io { path: path.clone(), action: "move aside", source };
-            std::fs::rename(&path, &aside).map_err(failed)?;
-            let name = aside.file_name().unwrap_or_default().to_string_lossy();
+        if let Some(name) = move_aside(&path)? {
             let text = format!("{file} {why}: moved to {name} and taken again");
             self.journal.append(Event::Note { text })?;
         }

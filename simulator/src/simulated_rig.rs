@@ -97,6 +97,11 @@ impl SimulatedRig {
         self.world.sensor
     }
 
+    /// Columns and rows of the projector.
+    pub fn projector_px(&self) -> [u32; 2] {
+        self.world.scene.setup.projector.size
+    }
+
     /// The printed chessboard that goes with this rig: inner corners a row and a column, and the
     /// edge of a square in mm.
     pub fn board(&self) -> (usize, usize, f64) {

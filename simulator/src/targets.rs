@@ -3,7 +3,7 @@
 use crate::OpticalSetup;
 use glam::{DMat3, DVec2, DVec3};
 use material::Face;
-use rig::Target;
+use rig::{HeldBoard, Target};
 
 /// Inner corners a row of the printed chessboard.
 pub const BOARD_COLUMNS: usize = 9;
@@ -175,33 +175,12 @@ pub(crate) fn square_mm(setup: &OpticalSetup) -> f64 {
 
 /// A board held up in front of the camera: its middle relative to the face's, and its axes.
 fn held(pose: usize, unit: f64) -> (DVec3, [DVec3; 2]) {
-    // Tilts that look at the board from all sides (degrees about x and y), and places that
-    // reach all corners of the picture; both repeat, out of step, with longer periods.
-    const TILTS: [[f64; 2]; 9] = [
-        [4.0, -6.0],
-        [28.0, 3.0],
-        [-26.0, -4.0],
-        [5.0, 30.0],
-        [-3.0, -29.0],
-        [21.0, 22.0],
-        [-22.0, 20.0],
-        [20.0, -23.0],
-        [-19.0, -21.0],
-    ];
-    const PLACES: [[f64; 3]; 7] = [
-        [0.0, 0.0, 0.0],
-        [-0.22, -0.14, 0.25],
-        [0.2, 0.13, -0.3],
-        [0.22, -0.13, 0.4],
-        [-0.2, 0.14, -0.15],
-        [0.05, -0.12, 0.5],
-        [-0.08, 0.11, -0.4],
-    ];
-    let [about_x, about_y] = TILTS[pose % TILTS.len()].map(f64::to_radians);
-    let roll = (7.0 * ((pose * 5) % 7) as f64 - 20.0).to_radians() * 0.5;
+    let held = HeldBoard::pose(pose);
+    let [about_x, about_y] = held.tilt_deg.map(f64::to_radians);
+    let roll = held.roll_deg.to_radians();
     let turn = DMat3::from_rotation_x(about_x)
         * DMat3::from_rotation_y(about_y)
         * DMat3::from_rotation_z(roll);
-    let place = PLACES[pose % PLACES.len()].map(|p| p * unit);
+    let place = held.place.map(|p| p * unit);
     (DVec3::from_array(place), [turn * DVec3::X, turn * DVec3::Y])
 }

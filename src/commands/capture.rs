@@ -13,9 +13,7 @@ use std::time::Duration;
 /// Take the pictures that are missing: first those for the calibration, then, once that is
 /// solved, those of the sample
 #[derive(clap::Args)]
-#[command(
-    after_help = "Example:\n  diaphane capture my-wax && diaphane calibrate all my-wax && diaphane capture my-wax"
-)]
+#[command(after_help = "Example:\n  diaphane calibrate all my-wax && diaphane capture my-wax")]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,

@@ -89,7 +89,7 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
             },
             imperfections: Imperfections::default(),
         },
-        plan: PlanConfig::default(),
+        plan: PlanConfig { projector_px: rig.projector_px(), ..PlanConfig::default() },
     })
 }
 
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let [nx, ny, nz] = session.config.sample.grid.cells();
     let [w, h, d] = session.config.sample.grid.size_mm();
     let text = format!(
-        "{folder}: {} of {w:.1} × {h:.1} × {d:.1} mm on {nx} × {ny} × {nz} cells\nnext: diaphane capture {folder}",
+        "{folder}: {} of {w:.1} × {h:.1} × {d:.1} mm on {nx} × {ny} × {nz} cells\nnext: diaphane calibrate all {folder}",
         session.config.sample.name
     );
     Ok(Done::new(json!({ "session": session.folder() }), text))

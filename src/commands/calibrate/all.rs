@@ -1,6 +1,7 @@
 //! `diaphane calibrate all`: camera, projector, face, response, white, from a session's pictures.
 
 use super::coded::coded_corners;
+use super::guide;
 use crate::Failure;
 use crate::output::{Done, Progress};
 use crate::session::{RigConfig, Session};
@@ -19,7 +20,11 @@ use std::path::PathBuf;
 pub(crate) const RESULT: &str = "calibration/calibration.json";
 const COMMAND: &str = "diaphane calibrate all SESSION";
 
-/// Calibrate everything that a session needs from the pictures it has taken
+/// Take the calibration pictures that are missing, one placement after the other, and calibrate
+/// everything that a session needs from them
+///
+/// Says what to place where, and looks at each picture at once: is the board there, sharp, not
+/// clipped? Can be interrupted; the same command goes on where it was.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane calibrate all my-wax")]
 pub(crate) struct Args {
@@ -91,6 +96,11 @@ pub(crate) fn lit_z(session: &Session) -> f64 {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    session.refuse_existing(RESULT, overwrite)?;
+    let complaints = match session.simulated()? {
+        Some(simulated) => guide::take(&session, &mut simulated.rig())?,
+        None => Vec::new(),
+    };
     let found = solve(&session, overwrite)?;
     let (camera, projector) = (&found.geometry.camera, found.projector()?);
     let text = format!(
@@ -118,6 +128,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "white_balance_gains": found.white_balance.gains,
         "white_disagreement": found.white_disagreement,
         "response_strictly_increasing": found.response.is_strictly_increasing(),
+        "complaints": complaints,
     });
     Ok(Done::new(json, text))
 }
@@ -170,7 +181,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
             }
         });
     }
-    let lit = frame_projector_size(session)?;
+    let lit = plan.projector_px.map(|n| n as usize);
     let geometry = calibrate_geometry(&views, size, Some(lit), Choice::default())?;
     let camera = geometry.camera.model;
 
@@ -310,7 +321,7 @@ fn found_boards(
 ///
 /// Seen from behind, through the sheet, the projected board is mirrored: it is looked for in the
 /// mirrored picture.
-fn projected_points(
+pub(super) fn projected_points(
     photo: &Photo,
     shown: &Chessboard,
     mirrored: bool,
@@ -379,14 +390,4 @@ fn face_pose(
     }
     let pose = pose_from_points(camera, &view)?;
     Ok((pose, reprojection_rms(camera, &pose, &view)))
-}
-
-fn frame_projector_size(session: &Session) -> Result<[usize; 2], Failure> {
-    match session.simulated()? {
-        Some(rig) => {
-            let info = rig.rig().projector.info();
-            Ok([info.width as usize, info.height as usize])
-        }
-        None => Err(Failure::input("this session has no projector")),
-    }
 }

@@ -102,8 +102,9 @@ fn look(args: &Args) -> Result<Seen, Failure> {
     if let (Some(folder), Some(board), Some(square)) =
         (&args.source.images, &args.board, args.square)
     {
+        let board = Board::parse(board, square)?;
         let pictures = list_pictures(folder)?;
-        let found = find_views(&pictures, &Board::parse(board, square)?)?;
+        let found = find_views(&pictures, &board)?;
         for missed in &found.missed {
             eprintln!("warning: {missed}");
         }

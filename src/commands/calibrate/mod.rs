@@ -6,6 +6,7 @@ mod coded;
 mod colour;
 mod colour_input;
 mod convert;
+mod guide;
 mod light;
 mod options;
 mod points;

@@ -1,0 +1,178 @@
+//! Takes the calibration pictures in the right order, says what goes where, and looks at each
+//! picture at once.
+
+use super::all::{described, frame_photo, projected_points};
+use crate::Failure;
+use crate::cli::STOP;
+use crate::session::Session;
+use calibration::{Board, Photo, detect_board};
+use material::Face;
+use rig::{Pattern, Plan, Purpose, Rig, RunOptions, Shot, Step, Target};
+use std::io::{BufRead, IsTerminal};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Light squares clipped beyond this share move their corners.
+const MOST_CLIPPED: f64 = 0.1;
+/// A bracket whose brightest frame stays below this share of full scale wastes the sensor.
+const DARKEST: f64 = 0.1;
+
+/// Takes what is missing; returns what was wrong with pictures that were kept all the same.
+///
+/// Where a person sits at a terminal, a picture that is no good is taken again on request; else it
+/// is a warning, and the calibration decides whether it can do without.
+pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Failure> {
+    let plan = session.acquisition().calibration_plan();
+    let board = described(session)?.0;
+    let interactive = std::io::stdin().is_terminal();
+    let placements = placements(&plan);
+    let mut complaints = Vec::new();
+    loop {
+        let stop = AtomicBool::new(false);
+        let options =
+            RunOptions { stop: &stop, face_map: None, retry_wait: Duration::from_millis(200) };
+        let mut bad: Option<(&Shot, String)> = None;
+        let mut broken = None;
+        let outcome = rig::run(&plan, rig, session.folder(), options, &mut |p| {
+            if STOP.load(Ordering::Relaxed) {
+                stop.store(true, Ordering::Relaxed);
+            }
+            let shot = plan.shots.iter().find(|s| s.name == p.shot);
+            match (&p.step, shot) {
+                (Step::Placing(target), _) => {
+                    let number = placements.iter().position(|t| t == target).unwrap_or(0) + 1;
+                    eprintln!("[{number}/{}] place {target}", placements.len());
+                }
+                (Step::Retried(why), _) => eprintln!("{}: {why}; trying again", p.shot),
+                (Step::Taken, Some(shot)) if is_last(&plan, shot, p.done) => {
+                    match look(session, shot, &board) {
+                        Ok(Ok(word)) => eprintln!("  {:14} {word}", shot.name),
+                        Ok(Err(why)) => {
+                            eprintln!("  {:14} NO GOOD: {why}", shot.name);
+                            bad = Some((shot, why));
+                            stop.fetch_or(interactive, Ordering::Relaxed);
+                            if !interactive {
+                                complaints
+                                    .extend(bad.take().map(|(s, w)| format!("{}: {w}", s.name)));
+                            }
+                        }
+                        Err(failure) => {
+                            broken.get_or_insert(failure);
+                            stop.store(true, Ordering::Relaxed);
+                        }
+                    }
+                }
+                _ => {}
+            }
+        })?;
+        if let Some(failure) = broken {
+            return Err(failure);
+        }
+        if let Some((shot, why)) = bad {
+            if again()? {
+                rig::set_aside(session.folder(), shot)?;
+            } else {
+                complaints.push(format!("{}: {why}", shot.name));
+            }
+            continue;
+        }
+        if outcome.missing > 0 {
+            let error = format!("interrupted: {} frames are missing", outcome.missing);
+            let hint = format!("go on with: diaphane calibrate all {}", session.folder().display());
+            return Err(Failure::other(error).hint(hint));
+        }
+        return Ok(complaints);
+    }
+}
+
+/// Whether to take the picture again, asked on the terminal.
+fn again() -> Result<bool, Failure> {
+    eprintln!(
+        "  mend it and press Enter to take it again; k and Enter keeps it; q and Enter stops"
+    );
+    let mut line = String::new();
+    std::io::stdin().lock().read_line(&mut line).map_err(Failure::other)?;
+    match line.trim() {
+        "q" => Err(Failure::other("stopped").hint("the same command goes on from here")),
+        answer => Ok(answer != "k"),
+    }
+}
+
+/// What is put on the bench, in order, each once.
+fn placements(plan: &Plan) -> Vec<Target> {
+    let mut out: Vec<Target> = Vec::new();
+    for shot in &plan.shots {
+        if !out.contains(&shot.target) {
+            out.push(shot.target);
+        }
+    }
+    out
+}
+
+/// Whether `done` frames of the plan end with the last one of a shot.
+fn is_last(plan: &Plan, shot: &Shot, done: usize) -> bool {
+    let before = plan.shots.iter().take_while(|s| s.name != shot.name).map(Shot::frames);
+    before.sum::<usize>() + shot.frames() == done
+}
+
+/// A word on a shot that is good, or what is wrong with it.
+fn look(session: &Session, shot: &Shot, board: &Board) -> Result<Result<String, String>, Failure> {
+    let last = shot.exposures_s.len().saturating_sub(1);
+    match (&shot.target, &shot.pattern) {
+        (Target::Board { .. } | Target::FaceBoard { .. }, _) => {
+            Ok(board_word(&frame_photo(session, &shot.name, 0)?, board))
+        }
+        (_, Pattern::Chessboard(shown)) => {
+            let photo = frame_photo(session, &shot.name, 0)?;
+            let mirrored = session.config.sample.lit_face == Face::Back;
+            Ok(match projected_points(&photo, shown, mirrored) {
+                Ok(points) => Ok(format!("{} projected corners", points.len())),
+                Err(error) => Err(error.to_string()),
+            })
+        }
+        (_, Pattern::White) if shot.purpose != Purpose::Geometry => {
+            let (short, long) =
+                (frame_photo(session, &shot.name, 0)?, frame_photo(session, &shot.name, last)?);
+            Ok(bracket_word(&short, &long))
+        }
+        _ => Ok(Ok("taken".into())),
+    }
+}
+
+fn board_word(photo: &Photo, board: &Board) -> Result<String, String> {
+    let found = detect_board(photo, board).map_err(|e| e.to_string())?;
+    let quality = &found.quality;
+    if quality.clipped_share > MOST_CLIPPED {
+        let share = 100.0 * quality.clipped_share;
+        return Err(format!("{share:.0} % of its light squares are clipped: expose it less"));
+    }
+    let dropped = match found.dropped.len() {
+        0 => String::new(),
+        n => format!(", {n} out of line and left out"),
+    };
+    Ok(format!(
+        "{} corners, edges {:.1} px wide, tilted by {:.0} degrees{dropped}",
+        found.corners.len(),
+        quality.edge_width_px,
+        quality.tilt_rad.to_degrees()
+    ))
+}
+
+/// A bracket must hold the brightest thing unclipped and lift it well out of the dark.
+fn bracket_word(short: &Photo, long: &Photo) -> Result<String, String> {
+    let full = f64::from(short.max_value);
+    let share = |photo: &Photo, test: &dyn Fn(f64) -> bool| {
+        let count = photo.data.iter().filter(|v| test(f64::from(**v) / full)).count();
+        count as f64 / photo.data.len().max(1) as f64
+    };
+    let clipped = share(short, &|v| v >= 0.995);
+    if clipped > 0.001 {
+        let clipped = 100.0 * clipped;
+        return Err(format!("{clipped:.1} % is clipped even at the shortest exposure"));
+    }
+    let bright = share(long, &|v| v > DARKEST);
+    if bright < 0.01 {
+        return Err("dark even at the longest exposure: is the projector on?".into());
+    }
+    Ok("nothing clipped at the shortest exposure, light enough at the longest".into())
+}
