@@ -37,10 +37,6 @@ const MOST_SMOOTH: i32 = 16;
 /// falls at most twice. Uneven times tell the ripple apart.
 const WORTHWHILE: f64 = 1.0005;
 
-/// How much worse than the best curve a straight line may explain the pixels and still be taken:
-/// what fitting eighty knots to noise gains.
-const LINEAR: f64 = 1.02;
-
 /// A curve that departs from the straight line by less than this (ln exposure, RMS) is one too:
 /// sensors keep to it within half a percent, and rounding in the dark adds as much.
 const STRAIGHT: f64 = 0.01;
@@ -53,8 +49,8 @@ const FIRST_TRUSTED: usize = 8;
 const ROBUST_ROUNDS: usize = 3;
 
 /// Recovers the response from a bracket: pictures of one still scene with exposure times (s).
-/// Where no channel's pixels are explained better by a curve than by a straight line, as with
-/// raw pictures, it is the identity.
+/// Where no channel's curve departs from a straight line by a hundredth, as with raw pictures, it
+/// is the identity.
 ///
 /// # Errors
 /// Fewer than two pictures, times that are not positive or do not differ by at least 5 %,
@@ -229,9 +225,7 @@ fn recover_channel(bracket: &[(Photo, f64)], channel: usize) -> Result<Option<Ve
         // The smoothness hardly changes any more: a decade more is where to look from.
         fit = fit_curve(&pixels, even, (fit.power + 4).min(MOST_SMOOTH))?;
     }
-    // A sensor without a curve explains its pixels as well as any curve does.
-    eprintln!("{} {} {}", fit.linear_error, fit.error, departure(&fit.curve));
-    if fit.linear_error < LINEAR * fit.error || departure(&fit.curve) < STRAIGHT {
+    if departure(&fit.curve) < STRAIGHT {
         return Ok(None);
     }
     Ok(Some(fit.curve.into_iter().map(f64::exp).collect()))
@@ -247,15 +241,11 @@ fn departure(curve: &[f64]) -> f64 {
     (off.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
-/// A curve, and how well it does.
+/// A curve, ln exposure of each code.
 struct Fit {
     curve: Vec<f64>,
     /// Its smoothness, in quarters of a decade.
     power: i32,
-    /// Mean square of what held-out pixels leave, twice.
-    error: f64,
-    /// The same for exposure = code.
-    linear_error: f64,
 }
 
 /// g at all codes, g(0) = 0, with the smoothness that cross-validation allows.
@@ -283,15 +273,11 @@ fn fit_curve(pixels: &[Vec<Sight>], even: bool, from: i32) -> Result<Fit> {
             best = Some((error, power, d));
         }
     }
-    let (error, power, d) = best.ok_or_else(|| CalibrationError::NotConverged {
+    let (_, power, d) = best.ok_or_else(|| CalibrationError::NotConverged {
         what: "response",
         reason: "no smoothness was tried".into(),
     })?;
-    let line =
-        KNOT_CODES.windows(2).map(|k| ((k[1] as f64).max(0.5) / (k[0] as f64).max(0.5)).ln());
-    let line = DVector::from_iterator(d.len(), line);
-    let linear_error = one.mean_square(&line) + two.mean_square(&line);
-    Ok(Fit { curve: from_increments(&d), power, error, linear_error })
+    Ok(Fit { curve: from_increments(&d), power })
 }
 
 /// How often the local gamma d ln exposure/d ln code turns between rising and falling, by more

@@ -2,6 +2,8 @@
 
 mod all;
 mod camera;
+mod noise;
+mod response;
 
 pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
 
@@ -15,11 +17,17 @@ pub(crate) enum Args {
     All(all::Args),
     /// A camera, from any folder of photographs of a chessboard
     Camera(camera::Args),
+    /// A camera's response, from any bracket of photographs
+    Response(response::Args),
+    /// A sensor's noise, from flat and dark frames
+    Noise(noise::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     match args {
         Args::All(args) => all::run(args),
         Args::Camera(args) => camera::run(args),
+        Args::Response(args) => response::run(args),
+        Args::Noise(args) => noise::run(args),
     }
 }
