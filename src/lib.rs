@@ -3,6 +3,7 @@
 mod average;
 pub mod cli;
 mod commands;
+mod exposures;
 mod failure;
 mod manifest;
 mod measurement;

@@ -48,7 +48,7 @@ pub use photo::{Photo, list_pictures};
 pub use radiometry::colour_wheel::{BurstFrame, ColourWheel, find_colour_wheel};
 pub use radiometry::debevec::{recover_response, recover_response_above};
 pub use radiometry::exposure::{ExposureTable, exif_exposure_s, parse_seconds};
-pub use radiometry::exr_io::{read_exr, write_exr};
+pub use radiometry::exr_io::{ExrPrecision, read_exr, write_exr, write_exr_as};
 pub use radiometry::hdr::HdrImage;
 pub use radiometry::masters::{FlatField, MasterDark};
 pub use radiometry::merge::drift::ExposureCheck;

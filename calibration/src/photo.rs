@@ -93,6 +93,29 @@ impl Photo {
             .collect()
     }
 
+    /// At most about `pixels` of a picture, as square tiles from all over it, one below the other:
+    /// enough to learn a response from, where memory does not hold whole brackets.
+    pub fn tiles(&self, pixels: usize) -> Self {
+        const EDGE: usize = 64;
+        let (columns, rows) = (self.width / EDGE, self.height / EDGE);
+        let wanted = (pixels / (EDGE * EDGE)).max(1);
+        if columns * rows <= wanted {
+            return self.clone();
+        }
+        let row = self.width * self.channels;
+        let mut data = Vec::with_capacity(wanted * EDGE * EDGE * self.channels);
+        for k in 0..wanted {
+            let tile = k * columns * rows / wanted;
+            let (x, y) = (tile % columns * EDGE, tile / columns * EDGE);
+            for line in y..y + EDGE {
+                let from = line * row + x * self.channels;
+                data.extend_from_slice(&self.data[from..from + EDGE * self.channels]);
+            }
+        }
+        let (width, height) = (EDGE, wanted * EDGE);
+        Self { width, height, data, name: self.name.clone(), ..*self }
+    }
+
     /// Samples in the picture, `width · height · channels`.
     pub fn samples(&self) -> usize {
         self.width * self.height * self.channels

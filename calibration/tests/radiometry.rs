@@ -68,9 +68,9 @@ fn check_recovery(max_value: u16) {
     }
     eprintln!("worst response error {worst:.4}");
     // One code of noise is 2.2/k in ln exposure at code k, 0.22 at k = 10, and the pixels chosen
-    // there bring it down by some ten; the shoulder above 200 bends more than smoothness grants.
-    // Without smoothness a ripple of 0.3 stays.
-    assert!(worst < 0.06, "worst error of ln exposure {worst:.4}");
+    // there bring it down by more than ten. Without smoothness a ripple of 0.3 stays.
+    assert!(worst < 0.025, "worst error of ln exposure {worst:.4}");
+    assert!(!response.is_identity());
 }
 
 #[test]
@@ -81,6 +81,26 @@ fn a_known_curve_is_recovered_from_8_bits() {
 #[test]
 fn a_known_curve_is_recovered_from_16_bits() {
     check_recovery(65535);
+}
+
+/// Raw pictures have no curve, and no noise may talk one into them.
+#[test]
+fn a_linear_sensor_is_recognised() {
+    for (seed, noise) in [(1, 0.3), (2, 1.0), (3, 3.0)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let width = 200;
+        let frame = |i: i32| {
+            let time = 3_f64.powi(i) / 256.0;
+            let code = |p: usize, rng: &mut ChaCha8Rng| {
+                let scene = 10_f64.powf(-3.0 + 4.0 * (p % width) as f64 / width as f64);
+                (255.0 * scene * time + noise * normal(rng)).round().clamp(0.0, 255.0) as u16
+            };
+            let data = (0..width * width).map(|p| code(p, &mut rng)).collect();
+            (grey(width, 255, &format!("frame{i}"), data), time)
+        };
+        let bracket: Vec<_> = (0..6).map(frame).collect();
+        assert!(recover_response(&bracket).unwrap().is_identity(), "seed {seed}, noise {noise}");
+    }
 }
 
 #[test]
@@ -144,23 +164,13 @@ fn a_real_bracket_merges() {
         let g = response.log_exposure(channel);
         let steps: Vec<f64> = (1..6).map(|i| g[20 * (i + 1)] - g[20 * i]).collect();
         assert!(steps.windows(2).all(|w| w[1] < w[0]), "{name}: stairs {steps:?}");
-        let mut errors = Vec::new();
-        for pair in bracket.windows(2) {
-            let ((a, ta), (b, tb)) = (&pair[0], &pair[1]);
-            for (&va, &vb) in a.data.iter().zip(&b.data).skip(channel).step_by(3) {
-                let usable = |v: u16| (20..=235).contains(&v);
-                if usable(va) && usable(vb) {
-                    let ratio = response.linearise(f64::from(vb) / 255.0, channel)
-                        / response.linearise(f64::from(va) / 255.0, channel);
-                    errors.push((ratio / (tb / ta)).log2().abs());
-                }
-            }
-        }
-        errors.sort_by(f64::total_cmp);
-        let median = errors[errors.len() / 2];
-        eprintln!("{name}: median |log2 ratio error| {median:.4} of {}", errors.len());
-        // Published tools reach 0.040 0.036 0.046 on codes 20 to 235, a wrong curve 0.7.
-        assert!(median < [0.043, 0.036, 0.048][channel], "{name}: {median}");
+        let median = response.agreement(&bracket)[channel].unwrap();
+        eprintln!("{name}: median |log2 ratio error| {median:.4}");
+        // Published tools reach 0.040 0.036 0.046 on codes 20 to 235, a wrong curve 0.7. With
+        // absolute residuals of all pixels a smooth curve has 0.0404 0.0326 0.0453; what is left
+        // is the pictures' own (noise, compression, shake). Stairs of one exposure ratio go to
+        // zero and are wrong.
+        assert!(median < [0.0407, 0.034, 0.046][channel], "{name}: {median}");
     }
     let noise = NoiseModel::for_max_value(255);
     let hdr = merge(bracket.into_iter().map(Ok::<_, CalibrationError>), &response, &noise).unwrap();

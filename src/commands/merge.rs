@@ -6,20 +6,17 @@ use crate::commands::calibrate::{self, merge_shot, subtract};
 use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
 use crate::output::{Done, Progress};
 use crate::session::{RigConfig, Session};
-use calibration::{
-    ExposureTable, NoiseModel, Photo, exif_exposure_s, list_pictures, recover_response, rectify,
-    write_exr,
-};
+use calibration::{rectify, write_exr};
 use material::Overwrite;
 use rig::Purpose;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 /// Merge brackets to radiance: those of a session, or any folder of photographs
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  diaphane merge my-wax\n  diaphane merge --images photos --output photos.exr"
+    after_help = "Examples:\n  diaphane merge my-wax\n  diaphane merge --images photos --output photos.exr\n  diaphane merge --images raw --exposures times.txt --bayer gbrg --darks darks --noise noise.json"
 )]
 pub(crate) struct Args {
     /// Folder of the session
@@ -27,13 +24,34 @@ pub(crate) struct Args {
     session: Option<PathBuf>,
     /// A folder of photographs of one still scene
     #[arg(long)]
-    images: Option<PathBuf>,
+    pub images: Option<PathBuf>,
     /// Exposure times, where EXIF does not tell: lines of "file-name seconds"
     #[arg(long, requires = "images")]
-    exposures: Option<PathBuf>,
+    pub exposures: Option<PathBuf>,
+    /// The camera's noise, from calibrate noise; a middling sensor's if not given
+    #[arg(long, requires = "images")]
+    pub noise: Option<PathBuf>,
+    /// The camera's response, from calibrate response; recovered from the photographs if not given
+    #[arg(long, requires = "images")]
+    pub response: Option<PathBuf>,
+    /// The photographs are linear: nothing is to be recovered
+    #[arg(long, requires = "images", conflicts_with = "response")]
+    pub linear: bool,
+    /// Pattern of colour sites of linear mosaics: rggb, bggr, grbg or gbrg
+    #[arg(long, requires = "images", conflicts_with = "response")]
+    pub bayer: Option<String>,
+    /// A folder of dark frames to subtract, their times as those of the photographs
+    #[arg(long, requires = "images")]
+    pub darks: Option<PathBuf>,
+    /// A folder of pictures of an evenly lit white to divide by
+    #[arg(long, requires = "images")]
+    pub flats: Option<PathBuf>,
     /// The EXR to write; merged.exr beside the photographs if not given
     #[arg(long, requires = "images")]
-    output: Option<PathBuf>,
+    pub output: Option<PathBuf>,
+    /// Write the radiance in 16 bits (three digits) for programs and disks that want small files
+    #[arg(long, requires = "images")]
+    pub half: bool,
     /// Replace results that are there
     #[arg(long)]
     force: bool,
@@ -57,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
                 json!({ "output": session.path(ARRAYS), "patterns": measured.patterns.len() });
             Ok(Done::new(json, text))
         }
-        (None, Some(images)) => folder(images, args, overwrite),
+        (None, Some(images)) => super::merge_images::run(images, args, overwrite),
         (None, None) => Err(Failure::input("neither a session nor --images was given")),
     }
 }
@@ -131,50 +149,4 @@ pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measure
     measured.save(session, overwrite)?;
     progress.finish(&format!("{} patterns", measured.patterns.len()));
     Ok(measured)
-}
-
-/// Any folder of bracketed photographs.
-fn folder(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Done, Failure> {
-    let pictures = list_pictures(images)?;
-    let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
-    let mut bracket = Vec::new();
-    for path in &pictures {
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let seconds = match &table {
-            Some(table) => table.get(&name).ok_or_else(|| {
-                Failure::input(format!("{name}: not in the table of exposure times"))
-                    .hint(format!("add a line \"{name} SECONDS\""))
-            })?,
-            None => exif_exposure_s(path).map_err(|e| {
-                Failure::input(e)
-                    .hint("give a table of lines \"file-name seconds\" with --exposures")
-            })?,
-        };
-        bracket.push((Photo::load(path)?, seconds));
-    }
-    let response = recover_response(&bracket)?;
-    let max_value = bracket.first().map_or(u16::MAX, |(photo, _)| photo.max_value);
-    let noise = NoiseModel::for_max_value(max_value);
-    let frames = bracket.into_iter().map(Ok);
-    let image = calibration::merge::<Failure>(frames, &response, &noise)?;
-    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
-    write_exr(&output, &image, overwrite)?;
-    let increasing = response.is_strictly_increasing();
-    let text = format!(
-        "{} pictures merged into {}: {:.2} % of the values measured, {} pixels clipped even in the shortest, {} lost in noise even in the longest",
-        pictures.len(),
-        output.display(),
-        100.0 * image.measured_share(),
-        image.clipped_shortest,
-        image.lost_longest
-    );
-    let json = json!({
-        "output": output,
-        "finite_share": image.finite_share(),
-        "measured_share": image.measured_share(),
-        "response_strictly_increasing": increasing,
-        "clipped_shortest": image.clipped_shortest,
-        "lost_longest": image.lost_longest,
-    });
-    Ok(Done::new(json, text))
 }

@@ -9,6 +9,7 @@ pub(crate) mod forward;
 pub(crate) mod import;
 pub(crate) mod init;
 pub(crate) mod merge;
+mod merge_images;
 pub(crate) mod plan;
 pub(crate) mod report;
 pub(crate) mod solve;

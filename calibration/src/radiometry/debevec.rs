@@ -7,46 +7,59 @@
 //! the curvature of g over ln(code), zero for every power law: linear sensors and gamma curves
 //! are not bent. Its weight is chosen by cross-validation between two halves of the pixels.
 
+use std::sync::LazyLock;
+
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::error::{CalibrationError, Result};
 use crate::photo::Photo;
 use crate::radiometry::bounded::least_quadratic;
 use crate::radiometry::response::{KNOTS, Response};
 
-/// Smallest rise of g = ln exposure from one knot to the next: an eighth of a linear sensor's
-/// smallest, which it has at full scale.
+/// Smallest rise of g = ln exposure from one knot to the next: an eighth of what a linear sensor
+/// has from one code to the next at full scale.
 const SMALLEST_RISE: f64 = 1.0 / (8.0 * 255.0);
 
-/// Pixels taken for each of 256 codes of each picture: enough to average noise, few enough for
-/// dark corners to count as much as the sky.
-const PIXELS_PER_CODE: usize = 60;
+/// Pixels taken for each of 256 codes, over all pictures: enough to average noise, few enough
+/// for dark corners to count as much as the sky.
+const PIXELS_PER_CODE: usize = 900;
 
-/// How much worse than the best the held-out pixels may be explained by a smoother curve.
+/// Decades of smoothness that are tried, times four.
+const LEAST_SMOOTH: i32 = -32;
+const MOST_SMOOTH: i32 = 16;
+
+/// Factor by which the error of held-out pixels has to fall for a less smooth curve.
 ///
 /// Where all times are powers of one ratio r, any ripple of period ln r over ln exposure fits
-/// every pixel, held out or not: only smoothness can remove it, so the smoothest is taken
-/// of the curves that are nearly as good as the best. Uneven times tell the ripple apart.
-const ENOUGH_EVEN: f64 = 1.15;
-const ENOUGH_UNEVEN: f64 = 1.003;
+/// every pixel, held out or not, and cross-validation would drive the curve to stairs. There a
+/// curve may not turn more often than a toe and a shoulder make it: its local gamma rises and
+/// falls at most twice. Uneven times tell the ripple apart.
+const WORTHWHILE: f64 = 1.0005;
+
+/// A curve that departs from the straight line by less than this (ln exposure, RMS) is one too:
+/// sensors keep to it within half a percent, and rounding in the dark adds as much.
+const STRAIGHT: f64 = 0.01;
 
 /// Knots below this one are extrapolated where the black level is known: the fit is linear in
 /// ln exposure between knots, which is off by 1/(8 k²), here 0.2 %.
 const FIRST_TRUSTED: usize = 8;
 
-/// Fits after the first, with its outliers weighed down. One only: more rounds drive the curve
-/// to stairs of one exposure ratio each, which fit best of all and are wrong.
-const ROBUST_ROUNDS: usize = 1;
+/// Fits after the first, with its outliers weighed down.
+const ROBUST_ROUNDS: usize = 3;
 
 /// Recovers the response from a bracket: pictures of one still scene with exposure times (s).
+/// Where no channel's curve departs from a straight line by a hundredth, as with raw pictures, it
+/// is the identity.
 ///
 /// # Errors
 /// Fewer than two pictures, times that are not positive or do not differ by at least 5 %,
 /// pictures of different shapes, or a channel in which no pixel is usable in two exposures.
 pub fn recover_response(bracket: &[(Photo, f64)]) -> Result<Response> {
     let first = check_bracket(bracket)?;
-    let curves = (0..first.channels).map(|channel| recover_channel(bracket, channel));
-    Response::from_exposures(curves.collect::<Result<_>>()?)
+    let channels = (0..first.channels).into_par_iter();
+    let curves: Vec<_> = channels.map(|channel| recover_channel(bracket, channel)).collect();
+    response_of(curves.into_iter().collect::<Result<_>>()?)
 }
 
 /// As [`recover_response`] for a camera whose code without light is known, `black_code` DN.
@@ -75,12 +88,26 @@ pub fn recover_response_above(bracket: &[(Photo, f64)], black_code: f64) -> Resu
     };
     let shifted: Vec<(Photo, f64)> = bracket.iter().map(above).collect();
     let offset = f64::from(black) / full * (KNOTS - 1) as f64;
-    let curves = (0..first.channels).map(|channel| {
-        let mut curve = recover_channel(&shifted, channel)?;
-        start_from_zero(&mut curve, first_seen(&shifted, channel));
-        Ok(over_own_codes(&curve, offset))
-    });
-    Response::from_exposures(curves.collect::<Result<_>>()?)
+    let channels = (0..first.channels).into_par_iter();
+    let curves: Vec<_> = channels
+        .map(|channel| {
+            let curve = recover_channel(&shifted, channel)?;
+            Ok(curve.map(|mut curve| {
+                start_from_zero(&mut curve, first_seen(&shifted, channel));
+                over_own_codes(&curve, offset)
+            }))
+        })
+        .collect();
+    response_of(curves.into_iter().collect::<Result<_>>()?)
+}
+
+/// One response of all channels; a straight one beside curved ones is a line through zero.
+fn response_of(curves: Vec<Option<Vec<f64>>>) -> Result<Response> {
+    if curves.iter().all(Option::is_none) {
+        return Ok(Response::identity(curves.len()));
+    }
+    let line = || (0..KNOTS).map(|k| k as f64).collect();
+    Response::from_exposures(curves.into_iter().map(|c| c.unwrap_or_else(line)).collect())
 }
 
 /// The first knot from [`FIRST_TRUSTED`] on that pictures have something to say about: a
@@ -182,7 +209,8 @@ impl Half {
     }
 }
 
-fn recover_channel(bracket: &[(Photo, f64)], channel: usize) -> Result<Vec<f64>> {
+/// The exposure of each code, or None if that is the code itself, within the noise.
+fn recover_channel(bracket: &[(Photo, f64)], channel: usize) -> Result<Option<Vec<f64>>> {
     let mut pixels = look(bracket, channel);
     if pixels.len() < 2 {
         return Err(CalibrationError::BadBracket {
@@ -191,42 +219,98 @@ fn recover_channel(bracket: &[(Photo, f64)], channel: usize) -> Result<Vec<f64>>
         });
     }
     let even = is_even(bracket.iter().map(|(_, time)| *time));
-    let enough = if even { ENOUGH_EVEN } else { ENOUGH_UNEVEN };
-    let mut curve = fit_curve(&pixels, enough)?;
+    let mut fit = fit_curve(&pixels, even, MOST_SMOOTH)?;
     for _ in 0..ROBUST_ROUNDS {
-        reweigh(&mut pixels, &curve);
-        curve = fit_curve(&pixels, enough)?;
+        reweigh(&mut pixels, &fit.curve);
+        // The smoothness hardly changes any more: a decade more is where to look from.
+        fit = fit_curve(&pixels, even, (fit.power + 4).min(MOST_SMOOTH))?;
     }
-    Ok(curve.into_iter().map(f64::exp).collect())
+    if departure(&fit.curve) < STRAIGHT {
+        return Ok(None);
+    }
+    Ok(Some(fit.curve.into_iter().map(f64::exp).collect()))
 }
 
-/// g at the knots, g(0) = 0, with the smoothness that cross-validation allows.
-fn fit_curve(pixels: &[Vec<Sight>], enough: f64) -> Result<Vec<f64>> {
+/// RMS difference between a curve and a straight line, in ln exposure, from a tenth of the range
+/// to nine tenths: below, rounding to whole codes bends logarithms.
+fn departure(curve: &[f64]) -> f64 {
+    let inside = KNOTS / 10..KNOTS - KNOTS / 10;
+    let n = inside.len() as f64;
+    let off: Vec<f64> = inside.map(|k| curve[k] - (k as f64).ln()).collect();
+    let mean = off.iter().sum::<f64>() / n;
+    (off.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+/// A curve, ln exposure of each code.
+struct Fit {
+    curve: Vec<f64>,
+    /// Its smoothness, in quarters of a decade.
+    power: i32,
+}
+
+/// g at all codes, g(0) = 0, with the smoothness that cross-validation allows.
+fn fit_curve(pixels: &[Vec<Sight>], even: bool, from: i32) -> Result<Fit> {
     let halves = [0, 1].map(|side| normal_equations(pixels.iter().skip(side).step_by(2)));
     let bend = curvature();
     let solve = |h: &DMatrix<f64>, b: &DVector<f64>, weight: f64, smooth: f64| {
         least_quadratic(&(h / weight + &bend * smooth), &(b / weight), SMALLEST_RISE)
     };
-    let mut trials = Vec::new();
-    for power in -16..=8 {
-        let smooth = 10_f64.powf(0.5 * f64::from(power));
-        let mut error = 0.0;
-        for (fitted, held_out) in [(0, 1), (1, 0)] {
-            let half = &halves[fitted];
-            error += halves[held_out].mean_square(&solve(&half.h, &half.b, half.weight, smooth)?);
-        }
-        trials.push((error, smooth));
-    }
-    let least = trials.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
-    let smooth = trials.iter().rfind(|t| t.0 <= enough * least).map_or(0.0, |t| t.1);
     let [one, two] = &halves;
-    let d = solve(&(&one.h + &two.h), &(&one.b + &two.b), one.weight + two.weight, smooth)?;
-    let mut log = 0.0;
-    let rises = d.iter().map(|rise| {
-        log += rise;
-        log
-    });
-    Ok(std::iter::once(0.0).chain(rises).collect())
+    let whole = (&one.h + &two.h, &one.b + &two.b, one.weight + two.weight);
+    let mut best: Option<(f64, i32, DVector<f64>)> = None;
+    for power in (LEAST_SMOOTH..=from).rev() {
+        let smooth = 10_f64.powf(0.25 * f64::from(power));
+        let d = solve(&whole.0, &whole.1, whole.2, smooth)?;
+        if even && best.is_some() && turns(&d) > 2 {
+            break;
+        }
+        let mut error = 0.0;
+        for (fitted, held_out) in [(one, two), (two, one)] {
+            error += held_out.mean_square(&solve(&fitted.h, &fitted.b, fitted.weight, smooth)?);
+        }
+        // Nothing is gained by less smoothness that explains the held-out pixels no better.
+        if best.as_ref().is_none_or(|(least, ..)| error * WORTHWHILE < *least) {
+            best = Some((error, power, d));
+        }
+    }
+    let (_, power, d) = best.ok_or_else(|| CalibrationError::NotConverged {
+        what: "response",
+        reason: "no smoothness was tried".into(),
+    })?;
+    Ok(Fit { curve: from_increments(&d), power })
+}
+
+/// How often the local gamma d ln exposure/d ln code turns between rising and falling, by more
+/// than a twentieth, between 2 and 98 % of the range.
+fn turns(d: &DVector<f64>) -> usize {
+    let knots = KNOT_CODES.windows(2).zip(d.iter());
+    let inside = knots.filter(|(k, _)| k[0] >= KNOTS / 50 && k[1] <= KNOTS - KNOTS / 50);
+    let mut slopes = inside.map(|(k, rise)| rise / (place(k[1]) - place(k[0])));
+    let Some(mut extreme) = slopes.next() else { return 0 };
+    let (mut rising, mut turns) = (None, 0);
+    for slope in slopes {
+        let beyond = match rising {
+            Some(true) => slope > extreme,
+            Some(false) => slope < extreme,
+            None => slope > 1.05 * extreme || slope < extreme / 1.05,
+        };
+        let back = match rising {
+            Some(true) => slope < extreme / 1.05,
+            Some(false) => slope > 1.05 * extreme,
+            None => false,
+        };
+        if rising.is_none() && beyond {
+            rising = Some(slope > extreme);
+        }
+        if back {
+            turns += 1;
+            rising = rising.map(|was| !was);
+        }
+        if beyond || back {
+            extreme = slope;
+        }
+    }
+    turns
 }
 
 /// One exposure's view of one pixel.
@@ -315,30 +399,80 @@ fn hat(code: f64) -> f64 {
     if (0.02..=0.98).contains(&code) { code.min(1.0 - code) } else { 0.0 }
 }
 
-/// From the knots g to their increments d, with g(0) = 0: suffix sums.
+/// The knots whose increments are the unknowns: every code where a power law bends most, then
+/// every fourth. Between them the curve is a straight line of ln exposure over ln(k + ½).
+static KNOT_CODES: LazyLock<Vec<usize>> = LazyLock::new(|| {
+    let codes = (0..16).chain((16..32).step_by(2)).chain((32..KNOTS - 4).step_by(4));
+    codes.chain([KNOTS - 1]).collect()
+});
+
+fn place(code: usize) -> f64 {
+    (code as f64 + 0.5).ln()
+}
+
+/// The two unknowns around each code and the code's share in the upper one.
+static SHARES: LazyLock<Vec<(usize, f64)>> = LazyLock::new(|| {
+    let shares = (0..KNOTS).map(|code| {
+        let above = KNOT_CODES.partition_point(|k| *k <= code).clamp(1, KNOT_CODES.len() - 1);
+        let (low, high) = (place(KNOT_CODES[above - 1]), place(KNOT_CODES[above]));
+        (above - 1, (place(code) - low) / (high - low))
+    });
+    shares.collect()
+});
+
+/// From the curve at all codes to the increments d of the knots, with g(0) = 0: the form is
+/// gathered on the knots, then summed from the top.
 fn in_increments(h: &DMatrix<f64>, b: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
-    let n = KNOTS - 1;
-    let mut hd = DMatrix::zeros(n + 1, n + 1);
-    let mut bd = DVector::zeros(n + 1);
-    for k in (0..n).rev() {
-        bd[k] = bd[k + 1] + b[k + 1];
-        for l in (0..n).rev() {
-            hd[(k, l)] = h[(k + 1, l + 1)] + hd[(k + 1, l)] + hd[(k, l + 1)] - hd[(k + 1, l + 1)];
+    let n = KNOT_CODES.len() - 1;
+    let mut hd = DMatrix::zeros(n + 2, n + 2);
+    let mut bd = DVector::zeros(n + 2);
+    for (i, &(k, f)) in SHARES.iter().enumerate() {
+        bd[k] += (1.0 - f) * b[i];
+        bd[k + 1] += f * b[i];
+        for (j, &(l, e)) in SHARES.iter().enumerate() {
+            let value = h[(i, j)];
+            if value != 0.0 {
+                hd[(k, l)] += (1.0 - f) * (1.0 - e) * value;
+                hd[(k + 1, l)] += f * (1.0 - e) * value;
+                hd[(k, l + 1)] += (1.0 - f) * e * value;
+                hd[(k + 1, l + 1)] += f * e * value;
+            }
         }
     }
-    (hd.view((0, 0), (n, n)).into_owned(), bd.rows(0, n).into_owned())
+    for k in (0..n).rev() {
+        bd[k + 1] += bd[k + 2];
+        for l in 0..n + 2 {
+            hd[(k + 1, l)] += hd[(k + 2, l)];
+        }
+    }
+    for l in (0..n).rev() {
+        for k in 0..n + 2 {
+            hd[(k, l + 1)] += hd[(k, l + 2)];
+        }
+    }
+    (hd.view((1, 1), (n, n)).into_owned(), bd.rows(1, n).into_owned())
+}
+
+/// The curve at all codes from the increments.
+fn from_increments(d: &DVector<f64>) -> Vec<f64> {
+    let mut log = 0.0;
+    let rises = d.iter().map(|rise| {
+        log += rise;
+        log
+    });
+    let knots: Vec<f64> = std::iter::once(0.0).chain(rises).collect();
+    SHARES.iter().map(|&(k, f)| knots[k] + f * (knots[k + 1] - knots[k])).collect()
 }
 
 /// ∫ (w d²g/du²)² du with u = ln(k + ½), as a quadratic form in the increments of g; w = 4c(1−c)
 /// lets the curve bend where the data are few but toes and shoulders are, as Debevec's does.
 fn curvature() -> DMatrix<f64> {
-    let n = KNOTS - 1;
-    let u = |k: usize| (k as f64 + 0.5).ln();
-    let width = |k: usize| u(k + 1) - u(k);
+    let n = KNOT_CODES.len() - 1;
+    let width = |k: usize| place(KNOT_CODES[k + 1]) - place(KNOT_CODES[k]);
     let mut form = DMatrix::zeros(n, n);
     for k in 0..n - 1 {
         let between = 0.5 * (width(k) + width(k + 1));
-        let code = (k + 1) as f64 / n as f64;
+        let code = KNOT_CODES[k + 1] as f64 / (KNOTS - 1) as f64;
         let trust = 4.0 * code * (1.0 - code);
         let row = [(k, -1.0 / width(k)), (k + 1, 1.0 / width(k + 1))];
         for (i, a) in row {
@@ -354,6 +488,7 @@ fn curvature() -> DMatrix<f64> {
 /// edges, where a shake of the camera or blooming would mix exposures.
 fn choose_pixels(bracket: &[(Photo, f64)], channel: usize) -> Vec<usize> {
     let mut chosen = Vec::new();
+    let each = PIXELS_PER_CODE.div_ceil(bracket.len());
     for (photo, _) in bracket {
         let (width, n) = (photo.width, photo.channels);
         // About a million looked at in any picture is plenty.
@@ -371,9 +506,9 @@ fn choose_pixels(bracket: &[(Photo, f64)], channel: usize) -> Vec<usize> {
             }
         }
         for mut pixels in by_code {
-            if pixels.len() > PIXELS_PER_CODE {
-                pixels.select_nth_unstable(PIXELS_PER_CODE);
-                pixels.truncate(PIXELS_PER_CODE);
+            if pixels.len() > each {
+                pixels.select_nth_unstable(each);
+                pixels.truncate(each);
             }
             chosen.extend(pixels.into_iter().map(|(_, at)| at));
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes,
-    ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read,
+    ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, f16, read,
 };
 use material::{Overwrite, atomic_write};
 
@@ -19,12 +19,35 @@ fn names(channels: usize) -> &'static [&'static str] {
     if channels == 1 { &["Y"] } else { &["R", "G", "B"] }
 }
 
+/// How many bits the radiance is written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExrPrecision {
+    /// 32 bits, without loss.
+    Float,
+    /// 16 bits: three digits, up to 65504 and down to 6e-8. The variance keeps 32 bits: its range
+    /// is the square of that.
+    Half,
+}
+
 /// Writes a picture as 32-bit float EXR without loss.
 ///
 /// # Errors
-/// The file is there and `overwrite` refuses, the system refuses, or the picture's arrays do not
-/// have its size.
+/// As [`write_exr_as`].
 pub fn write_exr(path: impl AsRef<Path>, image: &HdrImage, overwrite: Overwrite) -> Result<()> {
+    write_exr_as(path, image, ExrPrecision::Float, overwrite)
+}
+
+/// Writes a picture as EXR: radiance in R, G, B (or Y), variance in `variance.R` and so on.
+///
+/// # Errors
+/// The file is there and `overwrite` refuses, the system refuses, the picture's arrays do not
+/// have its size, or 16 bits do not hold its radiance.
+pub fn write_exr_as(
+    path: impl AsRef<Path>,
+    image: &HdrImage,
+    precision: ExrPrecision,
+    overwrite: Overwrite,
+) -> Result<()> {
     let path = path.as_ref();
     let samples = image.width * image.height * image.channels;
     let whole = image.radiance.len() == samples && image.variance.len() == samples;
@@ -35,12 +58,32 @@ pub fn write_exr(path: impl AsRef<Path>, image: &HdrImage, overwrite: Overwrite)
             found: format!("{} and {}", image.radiance.len(), image.variance.len()),
         });
     }
+    let largest = image.radiance.iter().copied().fold(0.0_f32, |a, v| a.max(v.abs()));
+    if precision == ExrPrecision::Half && largest > f16::MAX.to_f32() {
+        return Err(CalibrationError::Mismatch {
+            picture: path.display().to_string(),
+            expected: format!("radiance up to {} for 16 bits", f16::MAX),
+            found: largest.to_string(),
+        });
+    }
     let plane = |data: &[f32], c: usize| {
         FlatSamples::F32(data.iter().skip(c).step_by(image.channels).copied().collect())
     };
     let mut channels = SmallVec::new();
     for (c, &name) in names(image.channels).iter().enumerate() {
-        channels.push(AnyChannel::new(name, plane(&image.radiance, c)));
+        let radiance = match precision {
+            ExrPrecision::Float => plane(&image.radiance, c),
+            ExrPrecision::Half => FlatSamples::F16(
+                image
+                    .radiance
+                    .iter()
+                    .skip(c)
+                    .step_by(image.channels)
+                    .map(|v| f16::from_f32(*v))
+                    .collect(),
+            ),
+        };
+        channels.push(AnyChannel::new(name, radiance));
         if image.variance_known {
             let name = Text::from(format!("variance.{name}").as_str());
             channels.push(AnyChannel::new(name, plane(&image.variance, c)));

@@ -8,9 +8,11 @@ mod colour_input;
 mod convert;
 mod guide;
 mod light;
+mod noise;
 mod options;
 mod points;
 mod projector;
+mod response;
 mod swatches;
 
 pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
@@ -33,6 +35,10 @@ pub(crate) enum Args {
     Light(light::Args),
     /// A camera's colours, from a photograph of a ColorChecker Classic
     Colour(colour::Args),
+    /// A camera's response, from any bracket of photographs
+    Response(response::Args),
+    /// A sensor's noise, from flat and dark frames
+    Noise(noise::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -43,5 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Args::Convert(args) => convert::run(args),
         Args::Light(args) => light::run(args),
         Args::Colour(args) => colour::run(args),
+        Args::Response(args) => response::run(args),
+        Args::Noise(args) => noise::run(args),
     }
 }
