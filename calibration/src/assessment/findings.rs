@@ -6,6 +6,8 @@
 //! H. A pixel that looks δ aside reads a light that is wrong by δ/(H/40) there. Light under
 //! patterns that were kept out of the fit is to agree within 2 % to be good and 10 % to be usable,
 //! so δ is good up to H/2000 and usable up to H/400: 0.24 and 1.2 px in a picture of 480 rows.
+//! The face lies in the middle of the picture, so it is the mean over the picture that is held
+//! against these; its worst place, always at the rim, need only be usable.
 
 use crate::assessment::coverage::{Coverage, Zone};
 use crate::assessment::halves::HalfDifference;
@@ -31,6 +33,9 @@ const LEAST_TILT: f64 = 20.0;
 
 /// Fewer views cannot be cut into two halves that both make a calibration.
 const FEWEST_VIEWS: usize = 6;
+
+/// With so many each half has one to spare.
+const WANTED_VIEWS: usize = 8;
 
 /// A picture of which two thirds are empty is extrapolated, not calibrated.
 const LEAST_COVERED: f64 = 1.0 / 3.0;
@@ -136,11 +141,12 @@ impl Judge<'_> {
 
     fn field(&mut self, name: &str, found: &DeviceAssessment, limits: [f64; 2]) {
         let sigma = &found.uncertainty;
-        let grade = Grade::of(sigma.worst_px, limits);
+        let rim = if sigma.worst_px <= limits[1] { Grade::Good } else { Grade::Usable };
+        let grade = Grade::of(sigma.rms_px, limits).max(rim);
         let limit = match grade {
             Grade::Good => String::new(),
-            Grade::Usable => format!("; good up to {:.2} px", limits[0]),
-            Grade::Redo => format!("; usable up to {:.2} px", limits[1]),
+            Grade::Usable => format!("; good up to {:.2} and {:.2} px", limits[0], limits[1]),
+            Grade::Redo => format!("; usable up to {:.2} px on average", limits[1]),
         };
         self.tell(
             grade,
@@ -152,13 +158,14 @@ impl Judge<'_> {
                 sigma.worst_zone.name()
             ),
         );
-        // An empty zone, or boards that were hardly tilted, say by themselves what to do.
-        let told = found.coverage.empty.contains(&sigma.worst_zone) || self.flat();
-        if grade == Grade::Good || told {
+        let views = self.geometry.views.len();
+        // Empty zones, boards that were hardly tilted and few views say by themselves what to do.
+        let gap = found.coverage.empty.contains(&sigma.worst_zone);
+        if grade == Grade::Good || gap || self.flat() || views < FEWEST_VIEWS {
             return;
         }
-        let views = self.geometry.views.len() as f64;
-        let more = views * ((sigma.worst_px / limits[0]).powi(2) - 1.0);
+        let excess = (sigma.rms_px / limits[0]).max(sigma.worst_px / limits[1]);
+        let more = views as f64 * (excess.powi(2) - 1.0);
         if more <= 30.0 {
             let zone = sigma.worst_zone.name();
             let more = more.ceil();
@@ -187,15 +194,24 @@ impl Judge<'_> {
             return;
         }
         let grade = if coverage.share >= LEAST_COVERED { Grade::Usable } else { Grade::Redo };
+        let whose = if name == "camera" { "" } else { " of the projector's picture" };
+        let views = if name == "camera" { "views" } else { "views with the light on the board" };
         let zones = list(&coverage.empty);
         self.tell(
             grade,
-            format!("{name}: no board in the {zones}; {share} of the picture is covered"),
+            format!("{name}: no board in the {zones}; {share} of the picture covered"),
         );
-        let where_to = if name == "camera" { "" } else { " of the projector's picture" };
-        let each = if coverage.empty.len() > 1 { "each" } else { "there" };
-        let views = if name == "camera" { "views" } else { "views with the light on the board" };
-        self.advise(grade, format!("no board in the {zones}{where_to}; add two {views} {each}"));
+        self.advise(
+            grade,
+            match coverage.empty.len() {
+                1 => format!("no board in the {zones}{whose}; add two {views} there"),
+                2..=4 => format!("no board in the {zones}{whose}; add two {views} in each"),
+                _ => format!(
+                    "boards in a small part{whose} only: move the board into every corner and along \
+                     every edge, two {views} each"
+                ),
+            },
+        );
     }
 
     fn halves(&mut self, name: &str, halves: HalfDifference, limits: [f64; 2]) {
@@ -256,10 +272,12 @@ impl Judge<'_> {
             self.tell(Grade::Good, format!("{views} views"));
         }
         if views < FEWEST_VIEWS {
-            let more = 8 - views;
             self.advise(
                 Grade::Usable,
-                format!("take at least {more} more views: with {views} nothing checks the result"),
+                format!(
+                    "take at least {} more views: with {views} nothing checks the result",
+                    WANTED_VIEWS - views
+                ),
             );
         }
     }
