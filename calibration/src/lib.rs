@@ -15,7 +15,7 @@ mod photo;
 mod radiometry;
 mod structured_light;
 
-pub use assessment::coverage::{Coverage, Stance, Zone};
+pub use assessment::coverage::{BoardStance, Coverage, Stance, Zone};
 pub use assessment::field::{Field, field_difference};
 pub use assessment::halves::{HalfDifference, Halves};
 pub use assessment::verdict::{Grade, Reason, Verdict};

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::result::Geometry;
+use crate::geometry::result::{Geometry, ViewFit};
+use crate::geometry::rig_view::RigView;
 
 /// Cells across and down a picture: fine enough to show a gap, coarse enough that a dozen views of
 /// a board a third as wide as the picture can fill them.
@@ -120,23 +121,38 @@ pub struct Stance {
     pub distance_mm: [f64; 2],
 }
 
-/// Angle of one board's normal to the optical axis (radians) and its middle's distance (mm).
-pub(crate) fn stand(geometry: &Geometry, view: usize) -> Option<(f64, f64)> {
-    let pose = geometry.views.get(view)?.pose;
-    let board = &geometry.observations.get(view)?.board.object_points;
-    let n = board.len() as f64;
-    let middle = [0, 1, 2].map(|a| board.iter().map(|p| p[a]).sum::<f64>() / n);
-    let [x, y, z] = pose.apply(middle);
-    let normal = pose.rotate([0.0, 0.0, 1.0]);
-    Some((normal[2].abs().min(1.0).acos(), (x * x + y * y + z * z).sqrt()))
+/// How one board stood.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardStance {
+    /// Angle between its normal and the optical axis, radians.
+    pub tilt_rad: f64,
+    /// Distance of its middle from the camera, mm.
+    pub distance_mm: f64,
+}
+
+impl BoardStance {
+    /// Of each view, in their order.
+    pub(crate) fn all(geometry: &Geometry) -> Vec<Self> {
+        let of = |(fit, seen): (&ViewFit, &RigView)| {
+            let board = &seen.board.object_points;
+            let n = board.len() as f64;
+            let middle = [0, 1, 2].map(|a| board.iter().map(|p| p[a]).sum::<f64>() / n);
+            let [x, y, z] = fit.pose.apply(middle);
+            let normal = fit.pose.rotate([0.0, 0.0, 1.0]);
+            Self {
+                tilt_rad: normal[2].abs().min(1.0).acos(),
+                distance_mm: (x * x + y * y + z * z).sqrt(),
+            }
+        };
+        geometry.views.iter().zip(&geometry.observations).map(of).collect()
+    }
 }
 
 impl Stance {
-    pub(crate) fn of(geometry: &Geometry) -> Self {
-        let stands: Vec<_> =
-            (0..geometry.views.len()).filter_map(|view| stand(geometry, view)).collect();
-        let range = |pick: fn(&(f64, f64)) -> f64| {
-            let all = || stands.iter().map(pick);
+    pub(crate) fn of(geometry: &Geometry, boards: &[BoardStance]) -> Self {
+        let range = |pick: fn(&BoardStance) -> f64| {
+            let all = || boards.iter().map(pick);
             [all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max)]
         };
         let normals: Vec<[f64; 3]> =
@@ -147,9 +163,9 @@ impl Stance {
             .flat_map(|a| normals.iter().map(move |b| cosine(a, b).abs()))
             .fold(1.0, f64::min);
         Self {
-            tilt_rad: range(|s| s.0),
+            tilt_rad: range(|b| b.tilt_rad),
             between_rad: least.clamp(0.0, 1.0).acos(),
-            distance_mm: range(|s| s.1),
+            distance_mm: range(|b| b.distance_mm),
         }
     }
 }

@@ -9,7 +9,7 @@ pub(crate) mod verdict;
 
 use serde::{Deserialize, Serialize};
 
-use crate::assessment::coverage::{Coverage, Stance, Zone};
+use crate::assessment::coverage::{BoardStance, Coverage, Stance, Zone};
 use crate::assessment::field::Field;
 use crate::assessment::halves::Halves;
 use crate::assessment::verdict::Verdict;
@@ -30,6 +30,8 @@ pub struct Assessment {
     pub projector: Option<DeviceAssessment>,
     /// How the boards stood.
     pub stance: Stance,
+    /// How each of them stood, in the order of the views.
+    pub boards: Vec<BoardStance>,
     /// Odd against even views; None where they do not make two calibrations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub halves: Option<Halves>,
@@ -106,11 +108,13 @@ impl Assessment {
             Ok(halves) => (Some(halves), None),
             Err(error) => (None, Some(error.to_string())),
         };
+        let boards = BoardStance::all(geometry);
         let mut out = Self {
             verdict: Verdict::default(),
             camera,
             projector,
-            stance: Stance::of(geometry),
+            stance: Stance::of(geometry, &boards),
+            boards,
             halves,
             without_halves,
             missed: missed.to_vec(),
