@@ -4,6 +4,7 @@
 //!
 //! OpenCV is used inside and never shows in a public signature.
 
+mod assessment;
 mod colour;
 mod cv;
 mod detection;
@@ -14,6 +15,11 @@ mod photo;
 mod radiometry;
 mod structured_light;
 
+pub use assessment::coverage::{BoardStance, Coverage, Stance, Zone};
+pub use assessment::field::{Field, field_difference};
+pub use assessment::halves::{HalfDifference, Halves};
+pub use assessment::verdict::{Grade, Reason, Verdict};
+pub use assessment::{Assessment, DeviceAssessment, FieldSigma};
 pub use colour::chart::{find_chart, read_chart};
 pub use colour::cie::{delta_e2000, srgb_to_linear};
 pub use colour::fit::{ColourCalibration, DeltaE, ModelScore, PatchFit, calibrate_colour};

@@ -26,6 +26,23 @@ pub(crate) fn diverging(t: f64) -> [u8; 3] {
     oklch(0.965 - 0.50 * t.abs(), 0.20 * t.abs(), hue)
 }
 
+/// Colours of things that are told apart, as far from each other as their number allows: hues a
+/// golden angle apart, neither light nor dark so that they show on both grounds.
+pub(crate) fn distinct(i: usize) -> String {
+    let turns = (0.08 + 0.381_966 * i as f64).fract();
+    css(oklch(if i % 2 == 0 { 0.58 } else { 0.70 }, 0.17, turns))
+}
+
+/// The stops of [`sequential`] for a CSS gradient.
+pub(crate) fn sequential_stops() -> String {
+    let stops: Vec<String> = (0..=24).map(|i| css(sequential(f64::from(i) / 24.0))).collect();
+    stops.join(",")
+}
+
+fn css([r, g, b]: [u8; 3]) -> String {
+    format!("rgb({r},{g},{b})")
+}
+
 /// A cell that says nothing.
 pub(crate) const MASKED: [u8; 3] = [150, 150, 150];
 

@@ -23,9 +23,28 @@ pub(crate) fn facts(rows: &[(&str, String)]) -> String {
     format!("<table class=\"facts\">{rows}</table>")
 }
 
+/// The text with its first letter capital.
+pub(crate) fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |c| c.to_uppercase().chain(chars).collect())
+}
+
 /// A section with a heading.
 pub(crate) fn section(title: &str, body: &str) -> String {
     format!("<section><h2>{}</h2>{body}</section>\n", escape(title))
+}
+
+/// A whole page that needs nothing else; `style` comes after the style that all pages share.
+pub(crate) fn page(title: &str, style: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
+         <link rel=\"icon\" href=\"data:,\"><title>{} – Diaphane</title>\n<style>\n{}{style}</style></head>\n\
+         <body><main>\n{body}</main>\n<script>\n{}</script></body></html>\n",
+        escape(title),
+        include_str!("style.css"),
+        include_str!("script.js"),
+    )
 }
 
 /// A date and time, UTC, from seconds since 1970.

@@ -2,6 +2,7 @@
 //! from. One HTML file that needs nothing else.
 
 mod additivity;
+mod calibration;
 mod chart;
 mod colour;
 mod html;
@@ -11,6 +12,7 @@ mod provenance;
 mod verdict;
 mod volumes;
 
+pub(crate) use calibration::calibration_page;
 pub(crate) use verdict::Verdict;
 
 use crate::Failure;
@@ -21,7 +23,7 @@ use crate::measurement::{ARRAYS, Measured};
 use crate::session::Session;
 use crate::steps::{Step, steps};
 use chart::{Line, logarithmic};
-use html::{escape, facts, section};
+use html::{capital, escape, facts, section};
 use material::{Face, Material};
 
 /// What a session holds so far.
@@ -80,16 +82,7 @@ pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failu
         body += &section("Calibration", &calibrated(calibration));
     }
     body += &section("Where it comes from", &provenance::table(session, found.material.as_ref())?);
-    let page = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <link rel=\"icon\" href=\"data:,\"><title>{} – Diaphane</title>\n<style>\n{}</style></head>\n\
-         <body><main>\n{body}</main>\n<script>\n{}</script></body></html>\n",
-        escape(&session.config.sample.name),
-        include_str!("style.css"),
-        include_str!("script.js"),
-    );
-    Ok((page, verdict))
+    Ok((html::page(&session.config.sample.name, "", &body), verdict))
 }
 
 fn head(session: &Session, found: &Found) -> String {
@@ -133,7 +126,7 @@ fn judged(verdict: &Verdict) -> String {
         "<div class=\"verdict {0}\"><strong>{0}</strong><p>{1} {2}.</p><div class=\"wide\"><table><thead><tr>\
          <th>figure</th><th>value</th><th>good</th><th>usable</th><th></th></tr></thead>{rows}</table></div></div>\n",
         verdict.grade.word(),
-        verdict.grade.sentence(),
+        verdict.sentence(),
         escape(capital(&verdict.reason())),
     )
 }
@@ -153,11 +146,6 @@ fn unjudged(steps: &[Step]) -> String {
         "<div class=\"verdict unfinished\"><strong>not finished</strong><p>There is no verdict yet. \
          What is missing, and the command that makes it:</p><table class=\"facts\">{rows}</table></div>\n"
     )
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or(String::new(), |c| c.to_uppercase().chain(chars).collect())
 }
 
 fn converged(convergence: &Convergence) -> String {
@@ -197,7 +185,7 @@ fn converged(convergence: &Convergence) -> String {
 }
 
 fn calibrated(c: &Calibrated) -> String {
-    let device = |d: &calibration::Device| {
+    let device = |d: &::calibration::Device| {
         let m = &d.model;
         let [k1, k2, p1, p2, ..] = m.distortion;
         format!(

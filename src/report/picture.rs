@@ -56,3 +56,9 @@ pub(crate) fn slices(
         values.iter().map(|v| sequential((f64::from(*v).ln() - low) / (high - low))).collect();
     data_uri([nx, ny * nz], &pixels)
 }
+
+/// Shares of a maximum, 0 to 1, row by row.
+pub(crate) fn shares(size: [usize; 2], values: &[f64]) -> Result<String, Failure> {
+    let pixels: Vec<_> = values.iter().map(|v| sequential(*v)).collect();
+    data_uri(size, &pixels)
+}

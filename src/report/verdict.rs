@@ -1,41 +1,8 @@
 //! How good a material is, in words.
 
 use crate::commands::verify::Verification;
+use calibration::Grade;
 use serde::Serialize;
-
-/// How good.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Grade {
-    /// Within what the method reaches on a well-kept rig.
-    Good,
-    /// The appearance is right, details are not.
-    Usable,
-    /// Something went wrong on the way.
-    Redo,
-}
-
-impl Grade {
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Usable => "usable",
-            Self::Redo => "redo",
-        }
-    }
-
-    pub fn sentence(self) -> &'static str {
-        match self {
-            Self::Good => {
-                "The material looks like the sample, also under light it was not fitted to."
-            }
-            Self::Usable => {
-                "The material has the look of the sample; fine detail or absolute values are off."
-            }
-            Self::Redo => "The material does not look like the sample: measure or solve again.",
-        }
-    }
-}
 
 /// One figure that the grade rests on.
 #[derive(Clone, Debug, Serialize)]
@@ -60,14 +27,7 @@ impl Figure {
         [good, usable]: [f64; 2],
         percent: bool,
     ) -> Self {
-        // A value that is no number is in no limit.
-        let grade = if value <= good {
-            Grade::Good
-        } else if value <= usable {
-            Grade::Usable
-        } else {
-            Grade::Redo
-        };
+        let grade = Grade::of(value, [good, usable]);
         Self { name, meaning, value, good, usable, percent, grade }
     }
 
@@ -85,6 +45,19 @@ pub(crate) struct Verdict {
 }
 
 impl Verdict {
+    /// What the grade means, in a sentence.
+    pub fn sentence(&self) -> &'static str {
+        match self.grade {
+            Grade::Good => {
+                "The material looks like the sample, also under light it was not fitted to."
+            }
+            Grade::Usable => {
+                "The material has the look of the sample; fine detail or absolute values are off."
+            }
+            Grade::Redo => "The material does not look like the sample: measure or solve again.",
+        }
+    }
+
     /// An eye tells 2 % of contrast apart in a smooth picture: held-out light within that is
     /// good, and the fit, a square, within 2e-4 (1.4 % relative RMS). Usable ends at 10 %
     /// relative RMS, where the difference shows side by side. E weighs squares over all of the

@@ -1,7 +1,7 @@
 //! κ and μ slice by slice.
 
 use crate::Failure;
-use crate::report::colour::sequential;
+use crate::report::colour::sequential_stops;
 use crate::report::html::escape;
 use crate::report::picture;
 use material::{Channel, Material};
@@ -103,12 +103,6 @@ pub(crate) fn volumes(material: &Material) -> Result<String, Failure> {
 
 /// A colour bar with round ticks.
 fn bar([low, high]: [f64; 2], unit: &str) -> String {
-    let stops: Vec<String> = (0..=24)
-        .map(|i| {
-            let [r, g, b] = sequential(f64::from(i) / 24.0);
-            format!("rgb({r},{g},{b})")
-        })
-        .collect();
     // Ends and the geometric middle: logarithmic ranges are rarely whole decades.
     let ticks = [(0.0, low), (50.0, (low * high).sqrt()), (100.0, high)];
     let ticks: String = ticks
@@ -117,7 +111,7 @@ fn bar([low, high]: [f64; 2], unit: &str) -> String {
         .collect();
     format!(
         "<div class=\"bar\" style=\"background:linear-gradient(90deg,{})\"></div><div class=\"ticks\">{ticks}</div>",
-        stops.join(",")
+        sequential_stops()
     )
 }
 

@@ -1,6 +1,8 @@
 //! `diaphane calibrate camera`: photographs of a board, or points that were found elsewhere.
 
-use super::options::{ChoiceArgs, ResultArgs, device_json, device_text, outlier_text, size};
+use super::options::{
+    ChoiceArgs, ResultArgs, device_json, device_text, outlier_text, size, verdict_text,
+};
 use super::points::read_points;
 use crate::Failure;
 use crate::output::Done;
@@ -49,6 +51,14 @@ struct Source {
     points: Option<Vec<PathBuf>>,
 }
 
+impl Source {
+    /// The folder or the first file, for a title.
+    fn name(&self) -> String {
+        let first = self.points.as_ref().and_then(|files| files.first());
+        self.images.as_ref().or(first).map_or(String::new(), |path| path.display().to_string())
+    }
+}
+
 /// The views, the size of their pictures, how many there were, and what was not found.
 struct Seen {
     views: Vec<View>,
@@ -64,7 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let found = seen.views.len();
     let views: Vec<RigView> = seen.views.into_iter().map(RigView::camera_only).collect();
     let result = calibrate_geometry(&views, seen.size, None, choice)?;
-    args.result.write(&result)?;
+    let assessment = args.result.write(&args.source.name(), &result, &seen.missed)?;
     let camera = &result.camera;
     let worst = result.views.iter().map(|v| v.camera_rms_px).fold(0.0, f64::max);
     let mut text = String::new();
@@ -81,6 +91,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some([x, y]) = result.warp_mm {
         text += &format!("\nboard bent by {x:.3} mm along x, {y:.3} mm along y");
     }
+    text += &format!("\n{}", verdict_text(&assessment.verdict));
     let mut json = device_json(camera);
     let more = json!({
         "worst_view_px": worst,
@@ -91,6 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "warp_mm": result.warp_mm,
         "outliers": result.outliers,
         "missed": seen.missed,
+        "assessment": assessment,
     });
     if let (Some(json), serde_json::Value::Object(more)) = (json.as_object_mut(), more) {
         json.extend(more);

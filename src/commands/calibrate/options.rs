@@ -1,9 +1,13 @@
 //! Flags that the geometric calibrations share.
 
 use crate::Failure;
-use calibration::{Board, Choice, Device, Distortion, Geometry, Sight, write_geometry};
-use material::Overwrite;
+use crate::report::calibration_page;
+use calibration::{
+    Assessment, Board, Choice, Device, Distortion, Geometry, Grade, Sight, Verdict, write_geometry,
+};
+use material::{Overwrite, atomic_write};
 use serde_json::{Value, json};
+use std::io::Write;
 use std::path::PathBuf;
 
 /// The printed board.
@@ -60,6 +64,9 @@ pub(super) struct ResultArgs {
     /// Write the calibration with its observations, as TOML
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Write a page about how good it is: pictures, figures and what to do next, as HTML
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
     /// Replace files that are there
     #[arg(long)]
     force: bool,
@@ -72,7 +79,7 @@ impl ResultArgs {
 
     /// Fails before the work where a result may not be written after it.
     pub fn check(&self) -> Result<(), Failure> {
-        for path in [&self.output].into_iter().flatten() {
+        for path in [&self.output, &self.page].into_iter().flatten() {
             if !self.force && path.exists() {
                 return Err(material::FileError::Exists { path: path.clone() }.into());
             }
@@ -80,13 +87,37 @@ impl ResultArgs {
         Ok(())
     }
 
-    /// Writes what was asked for.
-    pub fn write(&self, geometry: &Geometry) -> Result<(), Failure> {
+    /// Writes what was asked for. `source` is what was calibrated from, in a word; `missed` says
+    /// for each picture without a board why it has none.
+    pub fn write(
+        &self,
+        source: &str,
+        geometry: &Geometry,
+        missed: &[String],
+    ) -> Result<Assessment, Failure> {
+        let assessment = Assessment::of(geometry, missed)?;
         if let Some(path) = &self.output {
             write_geometry(path, geometry, self.overwrite())?;
         }
-        Ok(())
+        if let Some(path) = &self.page {
+            let page =
+                calibration_page(&format!("Calibration of {source}"), geometry, &assessment)?;
+            atomic_write(path, self.overwrite(), |file| file.write_all(page.as_bytes()))?;
+        }
+        Ok(assessment)
     }
+}
+
+/// The verdict, for people: its grade, what keeps it from being good, and what to do.
+pub(super) fn verdict_text(verdict: &Verdict) -> String {
+    let mut out = format!("verdict: {}", verdict.grade.word());
+    for reason in verdict.reasons.iter().filter(|r| r.grade != Grade::Good) {
+        out += &format!("\n  {}", reason.text);
+    }
+    for advice in &verdict.advice {
+        out += &format!("\n  next: {advice}");
+    }
+    out
 }
 
 /// `640x480` as [width, height].

@@ -2,6 +2,7 @@
 
 use super::options::{
     BoardArgs, ChoiceArgs, ResultArgs, device_json, device_text, distortion, outlier_text, size,
+    verdict_text,
 };
 use crate::Failure;
 use crate::output::{Done, Progress};
@@ -99,7 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     progress.finish("done");
     let size = size.map_or([0, 0], |(size, _)| size);
     let result = calibrate_geometry(&views, size, Some(args.projector), choice)?;
-    args.result.write(&result)?;
+    let assessment = args.result.write(&args.images.display().to_string(), &result, &missed)?;
     let Some(projector) = &result.projector else {
         return Err(Failure::other("no projector came out of the calibration"));
     };
@@ -123,6 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         projector.baseline_mm,
         projector.baseline_standard_deviation_mm
     );
+    text += &format!("\n{}", verdict_text(&assessment.verdict));
     let json = json!({
         "rms_px": result.rms_px,
         "camera_rms_px": result.camera.rms_px,
@@ -136,6 +138,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "warp_mm": result.warp_mm,
         "outliers": result.outliers,
         "missed": missed,
+        "assessment": assessment,
         "seconds": started.elapsed().as_secs_f64(),
     });
     Ok(Done::new(json, text))
