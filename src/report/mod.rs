@@ -200,8 +200,11 @@ fn calibrated(c: &Calibrated) -> String {
         )
     };
     let geometry = &c.geometry;
-    let mut rows =
-        vec![("Camera", format!("{} views; {}", geometry.views.len(), device(&geometry.camera)))];
+    let verdict = &c.verdict;
+    let mut rows = vec![
+        ("Geometry", format!("{}. {}", verdict.grade.word(), verdict.sentence())),
+        ("Camera", format!("{} views; {}", geometry.views.len(), device(&geometry.camera))),
+    ];
     if let Some(projector) = &geometry.projector {
         rows.push(("Projector", device(&projector.device)));
         rows.push((

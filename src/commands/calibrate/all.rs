@@ -1,23 +1,29 @@
 //! `diaphane calibrate all`: camera, projector, face, response, white, from a session's pictures.
 
-use super::coded::coded_corners;
+use super::boards::session_geometry;
 use super::guide;
+use super::options::verdict_text;
 use crate::Failure;
 use crate::output::{Done, Progress};
+use crate::report::calibration_page;
 use crate::session::{RigConfig, Session};
 use calibration::{
-    Board, CalibrationError, CameraModel, Choice, FacePlane, Geometry, HdrImage, NoiseModel, Photo,
-    Pose, ProjectedPoint, ProjectorGeometry, Response, RigView, SeenCorner, View, WhiteBalance,
-    calibrate_geometry, detect_board, find_chart, merge, pose_from_points, recover_response_above,
-    rectify, reprojection_rms, white_balance,
+    Assessment, Board, CameraModel, FacePlane, Geometry, HdrImage, NoiseModel, Photo, Pose,
+    ProjectorGeometry, Response, Verdict, WhiteBalance, find_chart, merge, pose_from_points,
+    recover_response_above, rectify, reprojection_rms, white_balance, write_geometry,
 };
-use material::{Face, Overwrite};
-use rig::{Chessboard, frame_path, read_frame};
+use material::{Face, Overwrite, atomic_write};
+use rig::{frame_path, read_frame};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use std::io::Write;
 use std::path::PathBuf;
 
 pub(crate) const RESULT: &str = "calibration/calibration.json";
+/// The geometry alone, with its observations, in the form that `calibrate convert` reads.
+const GEOMETRY: &str = "calibration/geometry.toml";
+/// The page about it.
+const PAGE: &str = "calibration/calibration.html";
 const COMMAND: &str = "diaphane calibrate all SESSION";
 
 /// Take the calibration pictures that are missing, one placement after the other, and calibrate
@@ -40,6 +46,8 @@ pub(crate) struct Args {
 pub(crate) struct Calibrated {
     /// Camera and projector, from the boards.
     pub geometry: Geometry,
+    /// How good they are.
+    pub verdict: Verdict,
     /// The front face, seen by the camera.
     pub front: FacePlane,
     /// RMS of the board that lay in the front face's plane, pixels.
@@ -106,6 +114,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let text = format!(
         "camera {:.3} px over {} views, projector {:.3} px, front face {:.3} px{}\n\
          baseline {:.1} mm; white by chart and by sheet agree to {:.1} %\n\
+         {}\n\
+         page: {}\n\
          next: diaphane capture {}",
         camera.rms_px,
         found.geometry.views.len(),
@@ -114,6 +124,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         found.thickness_mm.map_or(String::new(), |t| format!(", block {t:.2} mm thick")),
         projector.baseline_mm,
         100.0 * found.white_disagreement,
+        verdict_text(&found.verdict),
+        session.path(PAGE).display(),
         session.folder().display()
     );
     let model = |m: &CameraModel| json!({ "fx": m.fx, "fy": m.fy, "cx": m.cx, "cy": m.cy });
@@ -129,6 +141,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "white_disagreement": found.white_disagreement,
         "response_strictly_increasing": found.response.is_strictly_increasing(),
         "complaints": complaints,
+        "verdict": found.verdict,
+        "page": session.path(PAGE),
     });
     Ok(Done::new(json, text))
 }
@@ -151,38 +165,9 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     let plan = &session.config.plan;
     let mut progress = Progress::new("calibrate", 5);
 
-    progress.set(0, "camera");
-    let printed: Vec<View> = found_boards(session, "board", |photo| board.view(&photo))?;
-    let size = printed.first().map_or(Ok([0, 0]), |v| {
-        let photo = frame_photo(session, &v.name, 0)?;
-        Ok::<_, Failure>([photo.width, photo.height])
-    })?;
-    progress.set(1, "projector");
-    let mirrored = session.config.sample.lit_face == Face::Back;
-    let mut views = Vec::new();
-    for board in printed {
-        views.push(match plan.projector_method.code(plan.projector_px) {
-            Some(code) => RigView {
-                coded: coded_corners(session, &code, &board)?,
-                projected: Vec::new(),
-                board,
-            },
-            None => {
-                let name = board.name.replace("board", "projected");
-                let photo = frame_photo(session, &name, 0)?;
-                let projected = match projected_points(&photo, &plan.projector_board, mirrored) {
-                    Err(error @ CalibrationError::BoardNotFound { .. }) => {
-                        eprintln!("warning: {error}");
-                        Vec::new()
-                    }
-                    found => found?,
-                };
-                RigView { board, coded: Vec::new(), projected }
-            }
-        });
-    }
-    let lit = plan.projector_px.map(|n| n as usize);
-    let geometry = calibrate_geometry(&views, size, Some(lit), Choice::default())?;
+    progress.set(0, "camera and projector");
+    let (geometry, missed) = session_geometry(session, &board)?;
+    let verdict = write_evidence(session, &geometry, &missed, overwrite)?;
     let camera = geometry.camera.model;
 
     progress.set(2, "face");
@@ -227,6 +212,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
 
     let found = Calibrated {
         geometry,
+        verdict,
         front,
         front_rms_px,
         thickness_mm,
@@ -239,6 +225,23 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     session.write_json(RESULT, &found, overwrite)?;
     progress.finish("done");
     Ok(found)
+}
+
+/// Writes what the geometry rests on, for people and for other programs.
+fn write_evidence(
+    session: &Session,
+    geometry: &Geometry,
+    missed: &[String],
+    overwrite: Overwrite,
+) -> Result<Verdict, Failure> {
+    let assessment = Assessment::of(geometry, missed)?;
+    let title = format!("Calibration of {}", session.config.sample.name);
+    let page = calibration_page(&title, geometry, &assessment)?;
+    // The result is written last; evidence without it is what an interrupted run left behind.
+    let overwrite = if session.path(RESULT).exists() { overwrite } else { Overwrite::Replace };
+    write_geometry(&session.result(GEOMETRY)?, geometry, overwrite)?;
+    atomic_write(&session.result(PAGE)?, overwrite, |file| file.write_all(page.as_bytes()))?;
+    Ok(assessment.verdict)
 }
 
 /// The frame of a shot at one exposure, as a photo that carries the shot's name.
@@ -298,57 +301,6 @@ pub(crate) fn subtract(mut light: HdrImage, dark: &HdrImage) -> HdrImage {
         *l += d;
     }
     light
-}
-
-/// Looks for a board in every pose; a picture without one is a warning.
-fn found_boards(
-    session: &Session,
-    name: &str,
-    read: impl Fn(Photo) -> Result<View, CalibrationError>,
-) -> Result<Vec<View>, Failure> {
-    let mut out = Vec::new();
-    for pose in 0..session.config.plan.board_poses {
-        match read(frame_photo(session, &format!("{name}-{:02}", pose + 1), 0)?) {
-            Ok(view) => out.push(view),
-            Err(error @ CalibrationError::BoardNotFound { .. }) => eprintln!("warning: {error}"),
-            Err(error) => return Err(error.into()),
-        }
-    }
-    Ok(out)
-}
-
-/// The corners of the projected board in one pose of the plane.
-///
-/// Seen from behind, through the sheet, the projected board is mirrored: it is looked for in the
-/// mirrored picture.
-pub(super) fn projected_points(
-    photo: &Photo,
-    shown: &Chessboard,
-    mirrored: bool,
-) -> Result<Vec<ProjectedPoint>, CalibrationError> {
-    let board = Board::chessboard(shown.columns, shown.rows, 1.0);
-    let edge = photo.width as f64 - 1.0;
-    let found =
-        if mirrored { detect_board(&flipped(photo), &board) } else { detect_board(photo, &board) }?;
-    let shown = shown.corners_px();
-    let point = |corner: &SeenCorner| {
-        let [x, y] = corner.pixel;
-        let camera_px = if mirrored { [edge - x, y] } else { [x, y] };
-        Some(ProjectedPoint { camera_px, projector_px: *shown.get(corner.index)? })
-    };
-    Ok(found.corners.iter().filter_map(point).collect())
-}
-
-fn flipped(photo: &Photo) -> Photo {
-    let mut out = photo.clone();
-    let row = photo.width * photo.channels;
-    for (to, from) in out.data.chunks_exact_mut(row).zip(photo.data.chunks_exact(row)) {
-        let pixels = from.chunks_exact(photo.channels).rev();
-        for (t, f) in to.chunks_exact_mut(photo.channels).zip(pixels) {
-            t.copy_from_slice(f);
-        }
-    }
-    out
 }
 
 /// Depth of the board that lay in the back face's plane, in the frame of the front face; a warning

@@ -1,7 +1,8 @@
 //! Takes the calibration pictures in the right order, says what goes where, and looks at each
 //! picture at once.
 
-use super::all::{described, frame_photo, projected_points};
+use super::all::{described, frame_photo};
+use super::boards::projected_points;
 use crate::Failure;
 use crate::cli::STOP;
 use crate::session::Session;

@@ -1,6 +1,7 @@
 //! `diaphane calibrate`: what the pictures of boards, chart and white sheet say about the rig.
 
 mod all;
+mod boards;
 mod camera;
 mod coded;
 mod colour;
