@@ -1,5 +1,7 @@
 //! A board that was found, and the two ways of looking for one.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::detection::board::Board;
@@ -29,6 +31,19 @@ pub struct DroppedCorner {
     pub pixel: [f64; 2],
     /// Distance to where the corners around it say that it is, pixels.
     pub residual_px: f64,
+}
+
+impl fmt::Display for DroppedCorner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y] = self.pixel;
+        write!(
+            f,
+            "corner {} at ({x:.1}, {y:.1}) is {:.1} px from where the corners around it say, and \
+             left out",
+            self.index + 1,
+            self.residual_px
+        )
+    }
 }
 
 /// A board in a picture: the corners that were seen and stand in line with their neighbours.

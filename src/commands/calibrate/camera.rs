@@ -120,6 +120,11 @@ fn look(args: &Args) -> Result<Seen, Failure> {
         for missed in &found.missed {
             eprintln!("warning: {missed}");
         }
+        for board in &found.boards {
+            for dropped in &board.dropped {
+                eprintln!("warning: {}: {dropped}", board.name);
+            }
+        }
         let missed = found.missed.iter().map(ToString::to_string).collect();
         let total = pictures.len();
         return Ok(Seen { views: found.views, size: found.size, total, missed });
