@@ -38,6 +38,9 @@ const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
 /// −2 ln of the likelihood that a periodic light must gain over a steady one: the best of some
 /// hundred periods gains 10 by chance.
 const LEAST_EVIDENCE: f64 = 30.0;
+/// Relative variance below which a light counts as steady: 2 % of it, squared. Frames that began
+/// at one moment by chance are alike to any digit, and would else outweigh all others.
+const FLOOR: f64 = 4e-4;
 /// Rounds of the fit at one period.
 const ROUNDS: usize = 100;
 
@@ -86,7 +89,7 @@ pub fn find_colour_wheel(frames: &[BurstFrame]) -> Result<Option<ColourWheel>> {
     let groups = groups(frames)?;
     let pooled = Group::pooled(&groups);
     let best_of = |turns: &mut dyn Iterator<Item = f64>| {
-        turns.map(|turn| (pooled.fit(turn).0, turn)).min_by(|a, b| a.0.total_cmp(&b.0))
+        turns.map(|turn| (pooled.fit(turn, FLOOR).0, turn)).min_by(|a, b| a.0.total_cmp(&b.0))
     };
     // Fine enough that the longest exposure's turns change by a twentieth from one to the next.
     let longest = frames.iter().map(|f| f.exposure_s).fold(0.0, f64::max);
@@ -100,7 +103,7 @@ pub fn find_colour_wheel(frames: &[BurstFrame]) -> Result<Option<ColourWheel>> {
     if pooled.steady() - least < LEAST_EVIDENCE {
         return Ok(None);
     }
-    let fits: Vec<_> = groups.iter().map(|g| g.fit(turn_s)).collect();
+    let fits: Vec<_> = groups.iter().map(|g| g.fit(turn_s, 0.0)).collect();
     Ok(Some(ColourWheel {
         turn_s,
         turn_sigma_s: sigma(&pooled, turn_s, least, step),
@@ -113,7 +116,7 @@ pub fn find_colour_wheel(frames: &[BurstFrame]) -> Result<Option<ColourWheel>> {
 fn sigma(pooled: &Group, turn_s: f64, least: f64, step: f64) -> f64 {
     let reach = |direction: f64| {
         let turn = |i: i32| 1.0 / (1.0 / turn_s + direction * f64::from(i) * step / 200.0);
-        let above = |i: &i32| pooled.fit(turn(*i)).0 > least + 1.0;
+        let above = |i: &i32| pooled.fit(turn(*i), FLOOR).0 > least + 1.0;
         (turn((1..400).find(above).unwrap_or(400)) - turn_s).abs()
     };
     0.5 * (reach(1.0) + reach(-1.0))
@@ -150,12 +153,13 @@ impl Group {
     }
 
     /// −2 ln of the likelihood, and the depth and floor that it is reached at, for a turn.
-    fn fit(&self, turn_s: f64) -> (f64, f64, f64) {
+    fn fit(&self, turn_s: f64, least_floor: f64) -> (f64, f64, f64) {
         let left: Vec<f64> =
             self.variances.iter().map(|v| share_left(v.exposure_s / turn_s)).collect();
         let mean = self.variances.iter().map(|v| v.value).sum::<f64>() / left.len() as f64;
         let least = self.variances.iter().map(|v| v.value).fold(f64::INFINITY, f64::min);
-        let (mut depth, mut floor) = (mean.max(1e-12), least.max(1e-12));
+        let least_floor = least_floor.max(1e-18);
+        let (mut depth, mut floor) = (mean.max(1e-12), least.max(least_floor));
         for _ in 0..ROUNDS {
             let mut sums = [[0.0; 2]; 2];
             for (v, left) in self.variances.iter().zip(&left) {
@@ -166,7 +170,7 @@ impl Group {
                 }
             }
             depth *= sums[0][0] / sums[0][1];
-            floor = (floor * sums[1][0] / sums[1][1]).max(1e-18);
+            floor = (floor * sums[1][0] / sums[1][1]).max(least_floor);
         }
         let pairs = self.variances.iter().zip(&left);
         let misfit = pairs.map(|(v, left)| v.misfit(depth * left + floor)).sum();
