@@ -65,9 +65,9 @@ impl ProjectorMethod {
 
 /// Exposures of the burst that shows a colour wheel: shortest, longest and number, from far less
 /// than a turn to several, in uneven steps.
-const BURST: (f64, f64, usize) = (1.0 / 1000.0, 1.0 / 40.0, 16);
+const BURST: (f64, f64, usize) = (1.0 / 1000.0, 1.0 / 25.0, 32);
 /// Frames at each exposure of the burst: each catches another phase of the wheel.
-const BURST_REPEATS: u32 = 8;
+const BURST_REPEATS: u32 = 4;
 /// Frames at each exposure from which the camera's noise is measured: pairs, whose difference
 /// holds nothing but noise.
 const NOISE_REPEATS: u32 = 2;
@@ -99,6 +99,14 @@ pub fn uneven_bracket(shortest_s: f64, longest_s: f64, count: usize) -> Vec<f64>
         shortest_s * (longest_s / shortest_s).powf(place)
     };
     (0..count).map(exposure).collect()
+}
+
+/// Exposures of the burst, seconds, in steps that no wheel keeps pace with.
+pub fn burst() -> Vec<f64> {
+    let (shortest, longest, count) = BURST;
+    let last = count.saturating_sub(1).max(1) as f64;
+    let place = |i: usize| (i as f64 + 0.33 * (2.4 * (i * i) as f64).sin()).clamp(0.0, last);
+    (0..count).map(|i| shortest + (longest - shortest) * place(i) / last).collect()
 }
 
 /// Names of the shots of [`Acquisition::light_plan`] beside the ramp: dark frames, the burst, and
@@ -208,9 +216,7 @@ impl Acquisition {
                 Pattern::Grey { level },
             ));
         }
-        let (shortest, longest, count) = BURST;
-        let burst = uneven_bracket(shortest, longest, count);
-        shots.push(shot(BURST_SHOT.into(), burst, BURST_REPEATS, target, Pattern::White));
+        shots.push(shot(BURST_SHOT.into(), burst(), BURST_REPEATS, target, Pattern::White));
         let again = Pattern::Grey { level: 1.0 };
         shots.push(shot(WHITE_AGAIN_SHOT.into(), exposures.clone(), 1, target, again));
         Plan { shots }

@@ -6,6 +6,8 @@
 mod code_tests;
 mod imperfections;
 mod lens;
+#[cfg(test)]
+mod light_tests;
 mod optical_setup;
 mod sample;
 mod scene;

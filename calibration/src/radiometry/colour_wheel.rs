@@ -20,23 +20,29 @@ pub struct ColourWheel {
     pub turn_s: f64,
     /// 1-sigma of it, seconds.
     pub turn_sigma_s: f64,
-    /// For each channel the variance of its relative light by harmonic of a turn, from the first.
-    harmonics: Vec<[f64; HARMONICS]>,
-    /// Relative variance, for each channel, that does not depend on the exposure.
+    /// For each channel the relative variance of its light within a turn.
+    depth: Vec<f64>,
+    /// For each channel the relative variance that does not depend on the exposure.
     floor: Vec<f64>,
 }
 
-/// Harmonics of a turn: a colour's segment is a third of it, which has few above.
-const HARMONICS: usize = 4;
+/// Harmonics of a turn that count.
+const HARMONICS: usize = 8;
+/// Share of a turn that a colour's segment takes. Free harmonics would fit a wheel of two or three
+/// times the period just as well; segments of another width do not move the period.
+const SEGMENT: f64 = 1.0 / 3.0;
 /// Turns that are looked for, seconds: 15 to 600 a second.
 const TURNS_S: (f64, f64) = (1.0 / 600.0, 1.0 / 15.0);
 /// Exposures below this show less than four frames of a display.
 const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
-/// −2 ln of the likelihood that a periodic light must gain over a steady one: chance gains some
-/// 10 with the wheel's unknowns.
-const LEAST_EVIDENCE: f64 = 60.0;
+/// −2 ln of the likelihood that a periodic light must gain over a steady one: the best of some
+/// hundred periods gains 10 by chance.
+const LEAST_EVIDENCE: f64 = 30.0;
+/// Relative variance below which a light counts as steady: 2 % of it, squared. Frames that began
+/// at one moment by chance are alike to any digit, and would else outweigh all others.
+const FLOOR: f64 = 4e-4;
 /// Rounds of the fit at one period.
-const ROUNDS: usize = 60;
+const ROUNDS: usize = 100;
 
 impl ColourWheel {
     /// The whole number of turns that is nearest to an exposure and takes at least 1/30 s.
@@ -47,40 +53,43 @@ impl ColourWheel {
 
     /// 1-sigma of each channel's relative brightness from frame to frame at an exposure.
     pub fn scatter(&self, exposure_s: f64) -> Vec<f64> {
-        let basis = basis(exposure_s / self.turn_s);
-        let one = |(harmonics, floor): (&[f64; HARMONICS], &f64)| {
-            let wheel: f64 = harmonics.iter().zip(&basis).map(|(a, b)| a * b).sum();
-            (wheel + floor).sqrt()
-        };
-        self.harmonics.iter().zip(&self.floor).map(one).collect()
+        let left = share_left(exposure_s / self.turn_s);
+        self.depth
+            .iter()
+            .zip(&self.floor)
+            .map(|(depth, floor)| (depth * left + floor).sqrt())
+            .collect()
     }
 }
 
-/// Share of each harmonic's variance that is left after averaging over `turns`: sinc².
-fn basis(turns: f64) -> [f64; HARMONICS] {
-    std::array::from_fn(|k| {
-        let angle = std::f64::consts::PI * (k + 1) as f64 * turns;
-        (angle.sin() / angle).powi(2)
-    })
+/// Share of the variance of a light that is on for [`SEGMENT`] of each turn that is left after
+/// averaging over `turns`: sinc² of each harmonic.
+fn share_left(turns: f64) -> f64 {
+    let sinc2 = |x: f64| (x.sin() / x).powi(2);
+    let (left, all) = (1..=HARMONICS).fold((0.0, 0.0), |(left, all), k| {
+        let angle = std::f64::consts::PI * k as f64;
+        let strength = sinc2(angle * SEGMENT);
+        (left + strength * sinc2(angle * turns), all + strength)
+    });
+    left / all
 }
 
 /// Looks for a colour wheel in a burst of short exposures, several of each length, begun at moments
 /// that have nothing to do with it. `None` if the light is as steady as its noise.
 ///
 /// An exposure of t averages the k-th harmonic of a turn T down by sinc(k t/T), so over frames of
-/// one length the relative variance of a channel is Σ A_k sinc²(k t/T) + A_0: nothing but noise
+/// one length the relative variance of a channel is A Σ w_k sinc²(k t/T) + B: nothing but noise
 /// remains at whole turns. Sample variances follow a gamma distribution; its likelihood is
-/// maximised over A_k ≥ 0 by multiplicative rounds (Févotte, Bertin & Durrieu 2009) at each T, and
-/// T is where it is largest.
+/// maximised over A, B ≥ 0 by multiplicative rounds (Févotte, Bertin & Durrieu 2009) at each T,
+/// and T is where it is largest.
 ///
 /// # Errors
 /// Fewer than six lengths with at least three frames each, or frames of different channels.
 pub fn find_colour_wheel(frames: &[BurstFrame]) -> Result<Option<ColourWheel>> {
     let groups = groups(frames)?;
+    let pooled = Group::pooled(&groups);
     let best_of = |turns: &mut dyn Iterator<Item = f64>| {
-        turns
-            .map(|turn| (groups.iter().map(|g| g.fit(turn).0).sum::<f64>(), turn))
-            .min_by(|a, b| a.0.total_cmp(&b.0))
+        turns.map(|turn| (pooled.fit(turn, FLOOR).0, turn)).min_by(|a, b| a.0.total_cmp(&b.0))
     };
     // Fine enough that the longest exposure's turns change by a twentieth from one to the next.
     let longest = frames.iter().map(|f| f.exposure_s).fold(0.0, f64::max);
@@ -90,25 +99,24 @@ pub fn find_colour_wheel(frames: &[BurstFrame]) -> Result<Option<ColourWheel>> {
     let mut coarse = (0..=count).map(|i| 1.0 / (rate(TURNS_S.1) + i as f64 * step));
     let Some((_, turn)) = best_of(&mut coarse) else { return Ok(None) };
     let mut fine = (-100..=100).map(|i| 1.0 / (rate(turn) + f64::from(i) * step / 50.0));
-    let Some((misfit, turn_s)) = best_of(&mut fine) else { return Ok(None) };
-    let steady: f64 = groups.iter().map(Group::steady).sum();
-    if steady - misfit < LEAST_EVIDENCE {
+    let Some((least, turn_s)) = best_of(&mut fine) else { return Ok(None) };
+    if pooled.steady() - least < LEAST_EVIDENCE {
         return Ok(None);
     }
-    let fits: Vec<_> = groups.iter().map(|g| g.fit(turn_s)).collect();
+    let fits: Vec<_> = groups.iter().map(|g| g.fit(turn_s, 0.0)).collect();
     Ok(Some(ColourWheel {
         turn_s,
-        turn_sigma_s: sigma(&groups, turn_s, misfit, step),
-        harmonics: fits.iter().map(|f| f.1).collect(),
+        turn_sigma_s: sigma(&pooled, turn_s, least, step),
+        depth: fits.iter().map(|f| f.1).collect(),
         floor: fits.iter().map(|f| f.2).collect(),
     }))
 }
 
 /// Where −2 ln of the likelihood is one above its least, to either side.
-fn sigma(groups: &[Group], turn_s: f64, misfit: f64, step: f64) -> f64 {
+fn sigma(pooled: &Group, turn_s: f64, least: f64, step: f64) -> f64 {
     let reach = |direction: f64| {
         let turn = |i: i32| 1.0 / (1.0 / turn_s + direction * f64::from(i) * step / 200.0);
-        let above = |i: &i32| groups.iter().map(|g| g.fit(turn(*i)).0).sum::<f64>() > misfit + 1.0;
+        let above = |i: &i32| pooled.fit(turn(*i), FLOOR).0 > least + 1.0;
         (turn((1..400).find(above).unwrap_or(400)) - turn_s).abs()
     };
     0.5 * (reach(1.0) + reach(-1.0))
@@ -127,40 +135,46 @@ struct Variance {
 }
 
 impl Group {
-    /// −2 ln of the likelihood, the harmonics' variances, and the floor, for a turn.
-    fn fit(&self, turn_s: f64) -> (f64, [f64; HARMONICS], f64) {
-        let rows: Vec<[f64; HARMONICS + 1]> = self
-            .variances
-            .iter()
-            .map(|v| {
-                let wheel = basis(v.exposure_s / turn_s);
-                std::array::from_fn(|k| wheel.get(k).copied().unwrap_or(1.0))
-            })
-            .collect();
-        let mean = self.variances.iter().map(|v| v.value).sum::<f64>() / rows.len() as f64;
-        let least = self.variances.iter().map(|v| v.value).fold(f64::INFINITY, f64::min);
-        let mut a = [mean.max(1e-12); HARMONICS + 1];
-        a[HARMONICS] = least.max(1e-12);
-        let model = |a: &[f64; HARMONICS + 1], row: &[f64; HARMONICS + 1]| {
-            a.iter().zip(row).map(|(a, b)| a * b).sum::<f64>().max(1e-18)
+    /// The channels' mean. While one colour is bright others are dark: the sum of their squares
+    /// hardly depends on when an exposure begins, each of them does. All but one are free.
+    fn pooled(channels: &[Self]) -> Self {
+        let first = channels.first().map_or(&[][..], |group| &group.variances);
+        let mean = |i: usize| {
+            let sum: f64 = channels.iter().filter_map(|c| Some(c.variances.get(i)?.value)).sum();
+            sum / channels.len() as f64
         };
+        let free = channels.len().saturating_sub(1).max(1) as f64;
+        let variances = first.iter().enumerate().map(|(i, v)| Variance {
+            value: mean(i),
+            freedom: free * v.freedom,
+            exposure_s: v.exposure_s,
+        });
+        Self { variances: variances.collect() }
+    }
+
+    /// −2 ln of the likelihood, and the depth and floor that it is reached at, for a turn.
+    fn fit(&self, turn_s: f64, least_floor: f64) -> (f64, f64, f64) {
+        let left: Vec<f64> =
+            self.variances.iter().map(|v| share_left(v.exposure_s / turn_s)).collect();
+        let mean = self.variances.iter().map(|v| v.value).sum::<f64>() / left.len() as f64;
+        let least = self.variances.iter().map(|v| v.value).fold(f64::INFINITY, f64::min);
+        let least_floor = least_floor.max(1e-18);
+        let (mut depth, mut floor) = (mean.max(1e-12), least.max(least_floor));
         for _ in 0..ROUNDS {
-            let (mut up, mut down) = ([0.0; HARMONICS + 1], [0.0; HARMONICS + 1]);
-            for (v, row) in self.variances.iter().zip(&rows) {
-                let m = model(&a, row);
-                for k in 0..=HARMONICS {
-                    up[k] += v.freedom * row[k] * v.value / (m * m);
-                    down[k] += v.freedom * row[k] / m;
+            let mut sums = [[0.0; 2]; 2];
+            for (v, left) in self.variances.iter().zip(&left) {
+                let model = depth * left + floor;
+                for (sum, row) in sums.iter_mut().zip([*left, 1.0]) {
+                    sum[0] += v.freedom * row * v.value / (model * model);
+                    sum[1] += v.freedom * row / model;
                 }
             }
-            for k in 0..=HARMONICS {
-                // The square root makes each round go down for sure.
-                a[k] *= (up[k] / down[k].max(1e-300)).sqrt();
-            }
+            depth *= sums[0][0] / sums[0][1];
+            floor = (floor * sums[1][0] / sums[1][1]).max(least_floor);
         }
-        let pairs = self.variances.iter().zip(&rows);
-        let misfit = pairs.map(|(v, row)| v.misfit(model(&a, row))).sum();
-        (misfit, std::array::from_fn(|k| a[k]), a[HARMONICS])
+        let pairs = self.variances.iter().zip(&left);
+        let misfit = pairs.map(|(v, left)| v.misfit(depth * left + floor)).sum();
+        (misfit, depth, floor)
     }
 
     /// −2 ln of the likelihood of a steady light.
@@ -182,13 +196,15 @@ impl Variance {
 fn groups(frames: &[BurstFrame]) -> Result<Vec<Group>> {
     let bad = |found: String| CalibrationError::BadInput {
         what: "burst of short exposures".into(),
-        expected: "at least six exposure times, three or more bright frames of each".into(),
+        expected: "at least six exposure times, three or more frames of each, with light in them"
+            .into(),
         found,
     };
     let channels = frames.first().map_or(0, |f| f.radiance.len());
-    if let Some(odd) = frames.iter().find(|f| {
-        f.radiance.len() != channels || !f.radiance.iter().all(|r| r.is_finite() && *r > 0.0)
-    }) {
+    if let Some(odd) = frames
+        .iter()
+        .find(|f| f.radiance.len() != channels || !f.radiance.iter().all(|r| r.is_finite()))
+    {
         return Err(bad(format!("a frame of {} s with {:?}", odd.exposure_s, odd.radiance)));
     }
     let mut times: Vec<f64> = frames.iter().map(|f| f.exposure_s).collect();
@@ -211,6 +227,8 @@ fn groups(frames: &[BurstFrame]) -> Result<Vec<Group>> {
             group.variances.push(Variance { exposure_s, value, freedom: n - 1.0 });
         }
     }
+    // A channel without any light has no relative variance.
+    out.retain(|g| g.variances.iter().all(|v| v.value.is_finite()));
     match out.first().map_or(0, |g| g.variances.len()) {
         0..6 => Err(bad(format!("{} frames of {} times", frames.len(), times.len()))),
         _ => Ok(out),

@@ -6,7 +6,7 @@ use crate::output::{Done, Progress};
 use crate::session::Session;
 use calibration::{
     BurstFrame, ColourWheel, FacePlane, HdrImage, ProjectorFlatField, ProjectorLight,
-    find_colour_wheel, measure_projector_light, merge,
+    find_colour_wheel, measure_projector_light,
 };
 use material::Overwrite;
 use rig::{BURST_SHOT, DARK_SHOT, WHITE_AGAIN_SHOT, grey_shot};
@@ -99,9 +99,14 @@ fn measure(session: &Session) -> Result<Measured, Failure> {
         for (e, &exposure_s) in shot.exposures_s.iter().enumerate() {
             for repeat in 0..shot.repeats {
                 let photo = frame_photo_repeat(session, BURST_SHOT, e, repeat)?;
-                let frame = [Ok((photo, exposure_s))];
-                let frame = merge::<Failure>(frame, &found.response, &noise)?;
-                burst.push(BurstFrame { exposure_s, radiance: means(&frame, &bright) });
+                let seen = HdrImage::from_photo(&photo, &found.response)?;
+                let black = noise.black_level / f64::from(photo.max_value);
+                // One frame makes no bracket; its black is the camera's.
+                let light = means(&seen, &bright)
+                    .into_iter()
+                    .enumerate()
+                    .map(|(c, mean)| (mean - found.response.linearise(black, c)) / exposure_s);
+                burst.push(BurstFrame { exposure_s, radiance: light.collect() });
             }
         }
     }
