@@ -3,7 +3,8 @@
 mod rig;
 
 use calibration::{
-    Assessment, Device, Field, Geometry, Grade, Pose, RigView, calibrate_geometry, field_difference,
+    Assessment, Device, Geometry, Grade, Pose, RayUncertainty, RigView, calibrate_geometry,
+    ray_difference,
 };
 use rayon::prelude::*;
 use rig::{CAMERA_PX, CHOICE, Light, Noise, PROJECTOR_PX, camera, observe, projector, rig};
@@ -24,8 +25,8 @@ fn the_field_covers_the_true_devices() {
             let views = rig(9, Light::Coded, &mut Noise::new(seed));
             let found = calibrate_geometry(&views, CAMERA_PX, Some(PROJECTOR_PX), CHOICE).unwrap();
             let covered = |device: &Device, name, truth| {
-                let field = Field::of(device, name, &found.covariance).unwrap();
-                let apart = field_difference(&device.model, &truth).unwrap();
+                let field = RayUncertainty::of(device, name, &found.covariance).unwrap();
+                let apart = ray_difference(&device.model, &truth).unwrap();
                 assert_eq!(apart.len(), field.pixels.len());
                 let axes = |(d, c): (&[f64; 2], &[[f64; 2]; 2])| {
                     [0, 1].map(|a| d[a].abs() <= c[a][a].sqrt())

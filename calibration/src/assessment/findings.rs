@@ -107,7 +107,7 @@ impl Judge<'_> {
     fn device(&mut self, name: &str, device: &Device, found: &DeviceAssessment) {
         let rows = device.model.height.min(device.model.width) as f64;
         let limits = [rows / 2000.0, rows / 400.0];
-        self.field(name, found, limits);
+        self.rays(name, found, limits);
         self.coverage(name, &found.coverage);
         let focal = device.standard_deviations[0] / device.model.fx;
         let grade = Grade::of(focal, FOCAL_SHARE);
@@ -139,7 +139,7 @@ impl Judge<'_> {
         }
     }
 
-    fn field(&mut self, name: &str, found: &DeviceAssessment, limits: [f64; 2]) {
+    fn rays(&mut self, name: &str, found: &DeviceAssessment, limits: [f64; 2]) {
         let sigma = &found.uncertainty;
         let rim = if sigma.worst_px <= limits[1] { Grade::Good } else { Grade::Usable };
         let grade = Grade::of(sigma.rms_px, limits).max(rim);
