@@ -234,3 +234,21 @@ fn a_geometry_that_does_not_hang_together_is_refused() {
     geometry.observations.pop();
     assert!(Assessment::of(&geometry, &[]).is_err());
 }
+
+/// A board whose first corners stand out of its plane, as a view sees it from two sides.
+#[test]
+fn a_board_that_is_bent_at_a_corner_is_told_from_stray_points() {
+    let poses = boards(&twice(&PLACES), 0.5);
+    let spoil = |same: bool| {
+        let mut views = views(&poses, 11);
+        for (i, view) in views.iter_mut().enumerate().take(6) {
+            for k in 0..3 {
+                let corner = if same { k } else { 7 * i + 2 * k };
+                view.board.image_points[corner][0] += 3.0;
+            }
+        }
+        assess(&views, &[])
+    };
+    assert!(advises(&spoil(true), "the same corners of the board are off"));
+    assert!(advises(&spoil(false), "look at the points that were left out"));
+}

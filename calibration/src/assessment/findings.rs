@@ -9,6 +9,8 @@
 //! The face lies in the middle of the picture, so it is the mean over the picture that is held
 //! against these; its worst place, always at the rim, need only be usable.
 
+use std::collections::HashMap;
+
 use crate::assessment::coverage::{Coverage, Zone};
 use crate::assessment::halves::HalfDifference;
 use crate::assessment::verdict::{Grade, Reason, Verdict};
@@ -329,13 +331,27 @@ impl Judge<'_> {
         }
         let grade = Grade::of(lost as f64 / points.max(1) as f64, OUTLIERS);
         self.tell(grade, format!("{lost} of {points} points do not go with the others"));
-        if grade != Grade::Good {
-            self.advise(
-                grade,
-                "look at the points that were left out: reflections on the board, a hand before \
-                 it, or corners confused with something else",
-            );
+        if grade == Grade::Good {
+            return;
         }
+        let advice = if self.same_corners() {
+            "the same corners of the board are off in several views: is it bent or damaged there? \
+             glue it onto glass"
+        } else {
+            "look at the points that were left out: reflections on the board, a hand before it, or \
+             corners confused with something else"
+        };
+        self.advise(grade, advice);
+    }
+
+    /// Whether most printed corners that were left out were so in more than one view.
+    fn same_corners(&self) -> bool {
+        let printed = self.geometry.outliers.iter().filter(|o| o.sight == Sight::Printed);
+        let mut views: HashMap<usize, usize> = HashMap::new();
+        printed.for_each(|o| *views.entry(o.point).or_default() += 1);
+        let all: usize = views.values().sum();
+        let again: usize = views.values().filter(|n| **n > 1).sum();
+        2 * again > all
     }
 
     fn missed(&mut self) {
