@@ -16,10 +16,10 @@ mod radiometry;
 mod structured_light;
 
 pub use assessment::coverage::{BoardStance, Coverage, Stance, Zone};
-pub use assessment::field::{Field, field_difference};
 pub use assessment::halves::{HalfDifference, Halves};
+pub use assessment::rays::{RayUncertainty, ray_difference};
 pub use assessment::verdict::{Grade, Reason, Verdict};
-pub use assessment::{Assessment, DeviceAssessment, FieldSigma};
+pub use assessment::{Assessment, DeviceAssessment, RaySigma};
 pub use colour::chart::{find_chart, read_chart};
 pub use colour::cie::{delta_e2000, srgb_to_linear};
 pub use colour::fit::{ColourCalibration, DeltaE, ModelScore, PatchFit, calibrate_colour};

@@ -3,7 +3,8 @@
 mod rig;
 
 use calibration::{
-    Assessment, Device, Field, Geometry, Grade, Pose, RigView, calibrate_geometry, field_difference,
+    Assessment, Device, Geometry, Grade, Pose, RayUncertainty, RigView, calibrate_geometry,
+    ray_difference,
 };
 use rayon::prelude::*;
 use rig::{CAMERA_PX, CHOICE, Light, Noise, PROJECTOR_PX, camera, observe, projector, rig};
@@ -24,8 +25,8 @@ fn the_field_covers_the_true_devices() {
             let views = rig(9, Light::Coded, &mut Noise::new(seed));
             let found = calibrate_geometry(&views, CAMERA_PX, Some(PROJECTOR_PX), CHOICE).unwrap();
             let covered = |device: &Device, name, truth| {
-                let field = Field::of(device, name, &found.covariance).unwrap();
-                let apart = field_difference(&device.model, &truth).unwrap();
+                let field = RayUncertainty::of(device, name, &found.covariance).unwrap();
+                let apart = ray_difference(&device.model, &truth).unwrap();
                 assert_eq!(apart.len(), field.pixels.len());
                 let axes = |(d, c): (&[f64; 2], &[[f64; 2]; 2])| {
                     [0, 1].map(|a| d[a].abs() <= c[a][a].sqrt())
@@ -232,4 +233,22 @@ fn a_geometry_that_does_not_hang_together_is_refused() {
     let mut geometry = solve(&views(&boards(&PLACES, 0.5), 10));
     geometry.observations.pop();
     assert!(Assessment::of(&geometry, &[]).is_err());
+}
+
+/// A board whose first corners stand out of its plane, as a view sees it from two sides.
+#[test]
+fn a_board_that_is_bent_at_a_corner_is_told_from_stray_points() {
+    let poses = boards(&twice(&PLACES), 0.5);
+    let spoil = |same: bool| {
+        let mut views = views(&poses, 11);
+        for (i, view) in views.iter_mut().enumerate().take(6) {
+            for k in 0..3 {
+                let corner = if same { k } else { 7 * i + 2 * k };
+                view.board.image_points[corner][0] += 3.0;
+            }
+        }
+        assess(&views, &[])
+    };
+    assert!(advises(&spoil(true), "the same corners of the board are off"));
+    assert!(advises(&spoil(false), "look at the points that were left out"));
 }

@@ -2,6 +2,7 @@
 //! from. One HTML file that needs nothing else.
 
 mod additivity;
+mod bar;
 mod calibration;
 mod chart;
 mod colour;

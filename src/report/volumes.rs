@@ -1,7 +1,7 @@
 //! κ and μ slice by slice.
 
 use crate::Failure;
-use crate::report::colour::sequential_stops;
+use crate::report::bar::bar;
 use crate::report::html::escape;
 use crate::report::picture;
 use material::{Channel, Material};
@@ -99,38 +99,4 @@ pub(crate) fn volumes(material: &Material) -> Result<String, Failure> {
         );
     }
     Ok(style + "</style>" + &out)
-}
-
-/// A colour bar with round ticks.
-fn bar([low, high]: [f64; 2], unit: &str) -> String {
-    // Ends and the geometric middle: logarithmic ranges are rarely whole decades.
-    let ticks = [(0.0, low), (50.0, (low * high).sqrt()), (100.0, high)];
-    let ticks: String = ticks
-        .iter()
-        .map(|(at, v)| format!("<span style=\"left:{at}%\">{} {unit}</span>", three_digits(*v)))
-        .collect();
-    format!(
-        "<div class=\"bar\" style=\"background:linear-gradient(90deg,{})\"></div><div class=\"ticks\">{ticks}</div>",
-        sequential_stops()
-    )
-}
-
-/// Three digits that count, without an exponent where that reads well.
-fn three_digits(value: f64) -> String {
-    if !(1e-4..1e4).contains(&value) {
-        return format!("{value:.2e}");
-    }
-    let decimals = (2.0 - value.log10().floor()).clamp(0.0, 7.0) as usize;
-    format!("{value:.decimals$}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::three_digits;
-
-    #[test]
-    fn three_digits_count() {
-        let shown = [0.001234, 0.5, 1.0, 123.4, 1234.0, 2e-6].map(three_digits);
-        assert_eq!(shown, ["0.00123", "0.500", "1.00", "123", "1234", "2.00e-6"]);
-    }
 }

@@ -9,6 +9,8 @@
 //! The face lies in the middle of the picture, so it is the mean over the picture that is held
 //! against these; its worst place, always at the rim, need only be usable.
 
+use std::collections::HashMap;
+
 use crate::assessment::coverage::{Coverage, Zone};
 use crate::assessment::halves::HalfDifference;
 use crate::assessment::verdict::{Grade, Reason, Verdict};
@@ -107,7 +109,7 @@ impl Judge<'_> {
     fn device(&mut self, name: &str, device: &Device, found: &DeviceAssessment) {
         let rows = device.model.height.min(device.model.width) as f64;
         let limits = [rows / 2000.0, rows / 400.0];
-        self.field(name, found, limits);
+        self.rays(name, found, limits);
         self.coverage(name, &found.coverage);
         let focal = device.standard_deviations[0] / device.model.fx;
         let grade = Grade::of(focal, FOCAL_SHARE);
@@ -139,7 +141,7 @@ impl Judge<'_> {
         }
     }
 
-    fn field(&mut self, name: &str, found: &DeviceAssessment, limits: [f64; 2]) {
+    fn rays(&mut self, name: &str, found: &DeviceAssessment, limits: [f64; 2]) {
         let sigma = &found.uncertainty;
         let rim = if sigma.worst_px <= limits[1] { Grade::Good } else { Grade::Usable };
         let grade = Grade::of(sigma.rms_px, limits).max(rim);
@@ -329,13 +331,27 @@ impl Judge<'_> {
         }
         let grade = Grade::of(lost as f64 / points.max(1) as f64, OUTLIERS);
         self.tell(grade, format!("{lost} of {points} points do not go with the others"));
-        if grade != Grade::Good {
-            self.advise(
-                grade,
-                "look at the points that were left out: reflections on the board, a hand before \
-                 it, or corners confused with something else",
-            );
+        if grade == Grade::Good {
+            return;
         }
+        let advice = if self.same_corners() {
+            "the same corners of the board are off in several views: is it bent or damaged there? \
+             glue it onto glass"
+        } else {
+            "look at the points that were left out: reflections on the board, a hand before it, or \
+             corners confused with something else"
+        };
+        self.advise(grade, advice);
+    }
+
+    /// Whether most printed corners that were left out were so in more than one view.
+    fn same_corners(&self) -> bool {
+        let printed = self.geometry.outliers.iter().filter(|o| o.sight == Sight::Printed);
+        let mut views: HashMap<usize, usize> = HashMap::new();
+        printed.for_each(|o| *views.entry(o.point).or_default() += 1);
+        let all: usize = views.values().sum();
+        let again: usize = views.values().filter(|n| **n > 1).sum();
+        2 * again > all
     }
 
     fn missed(&mut self) {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::assessment::field::{Field, field_difference};
+use crate::assessment::rays::{RayUncertainty, ray_difference};
 use crate::error::{CalibrationError, Result};
 use crate::geometry::calibrate::{Choice, calibrate_geometry};
 use crate::geometry::result::{Device, Geometry};
@@ -68,13 +68,13 @@ fn compare(name: &'static str, pair: [(&Device, &Geometry); 2]) -> Result<HalfDi
         what: name,
         reason: "a half of the views leaves a distortion that folds the picture".into(),
     };
-    let apart = field_difference(&a.0.model, &b.0.model).ok_or_else(folded)?;
+    let apart = ray_difference(&a.0.model, &b.0.model).ok_or_else(folded)?;
     let squares: Vec<f64> = apart.iter().map(|d| d[0] * d[0] + d[1] * d[1]).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let mut predicted = 0.0;
     for (device, geometry) in pair {
-        let field = Field::of(device, name, &geometry.covariance)?;
-        let traces: Vec<f64> = field.covariance_px.iter().map(|c| c[0][0] + c[1][1]).collect();
+        let rays = RayUncertainty::of(device, name, &geometry.covariance)?;
+        let traces: Vec<f64> = rays.covariance_px.iter().map(|c| c[0][0] + c[1][1]).collect();
         predicted += mean(&traces);
     }
     Ok(HalfDifference {

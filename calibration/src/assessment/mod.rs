@@ -2,16 +2,16 @@
 //! verdict in words with what to do next.
 
 pub(crate) mod coverage;
-pub(crate) mod field;
 mod findings;
 pub(crate) mod halves;
+pub(crate) mod rays;
 pub(crate) mod verdict;
 
 use serde::{Deserialize, Serialize};
 
 use crate::assessment::coverage::{BoardStance, Coverage, Stance, Zone};
-use crate::assessment::field::Field;
 use crate::assessment::halves::Halves;
+use crate::assessment::rays::RayUncertainty;
 use crate::assessment::verdict::Verdict;
 use crate::error::{CalibrationError, Result};
 use crate::geometry::result::{Device, Geometry};
@@ -48,16 +48,16 @@ pub struct Assessment {
 #[serde(deny_unknown_fields)]
 pub struct DeviceAssessment {
     /// How well it is known which way each pixel looks.
-    pub uncertainty: FieldSigma,
+    pub uncertainty: RaySigma,
     /// Where its points lie in its picture.
     pub coverage: Coverage,
 }
 
 /// 1-sigma of where a device sees a ray, over its picture, the best turn of the device taken off
-/// ([`Field`]); along the worst direction, pixels.
+/// ([`RayUncertainty`]); along the worst direction, pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FieldSigma {
+pub struct RaySigma {
     /// Points across and down, the picture's rim included.
     pub points: [usize; 2],
     /// At each point, row by row.
@@ -72,14 +72,14 @@ pub struct FieldSigma {
     pub worst_zone: Zone,
 }
 
-impl FieldSigma {
-    fn of(field: &Field, size: [usize; 2]) -> Self {
-        let sigma_px = field.sigma_px();
+impl RaySigma {
+    fn of(rays: &RayUncertainty, size: [usize; 2]) -> Self {
+        let sigma_px = rays.sigma_px();
         let mean = sigma_px.iter().map(|s| s * s).sum::<f64>() / sigma_px.len().max(1) as f64;
-        let worst = sigma_px.iter().zip(&field.pixels).max_by(|a, b| a.0.total_cmp(b.0));
+        let worst = sigma_px.iter().zip(&rays.pixels).max_by(|a, b| a.0.total_cmp(b.0));
         let (worst_px, worst_at) = worst.map_or((0.0, [0.0; 2]), |(s, q)| (*s, *q));
         let worst_zone = Zone::of(worst_at, size);
-        Self { points: field.points, sigma_px, rms_px: mean.sqrt(), worst_px, worst_at, worst_zone }
+        Self { points: rays.points, sigma_px, rms_px: mean.sqrt(), worst_px, worst_at, worst_zone }
     }
 }
 
@@ -95,9 +95,9 @@ impl Assessment {
         let assess = |device: &Device, name, lit: bool| -> Result<DeviceAssessment> {
             let size = [device.model.width, device.model.height];
             let points = used.iter().filter(|r| (r.sight != Sight::Printed) == lit);
-            let field = Field::of(device, name, &geometry.covariance)?;
+            let rays = RayUncertainty::of(device, name, &geometry.covariance)?;
             Ok(DeviceAssessment {
-                uncertainty: FieldSigma::of(&field, size),
+                uncertainty: RaySigma::of(&rays, size),
                 coverage: Coverage::of(size, points.map(|r| r.pixel)),
             })
         };

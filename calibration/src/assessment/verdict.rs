@@ -66,9 +66,9 @@ impl Verdict {
     /// What the grade means, in a sentence.
     pub fn sentence(&self) -> &'static str {
         match self.grade {
-            Grade::Good => "Camera angles are known well enough for everything that follows.",
-            Grade::Usable => "Go on if you must; the calibration can be made better.",
-            Grade::Redo => "Do not build on this calibration: take the pictures again.",
+            Grade::Good => "It is known well enough where each pixel looks.",
+            Grade::Usable => "Good enough to go on with; it can be made better.",
+            Grade::Redo => "Do not build on it: take the pictures again.",
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Shown;
 use super::contour::{contour, levels};
 use super::maps::map;
 use crate::Failure;
-use crate::report::colour::sequential_stops;
+use crate::report::bar::bar;
 use crate::report::picture;
 use std::fmt::Write;
 
@@ -25,15 +25,15 @@ fn one(shown: &Shown<'_>) -> Result<String, Failure> {
     let sigma = &shown.assessed.uncertainty;
     let points @ [columns, rows] = sigma.points;
     let values = &sigma.sigma_px;
-    let most = if sigma.worst_px > 0.0 { sigma.worst_px } else { 1.0 };
-    let least = values.iter().copied().fold(most, f64::min);
+    let [low, high] = range(values);
+    let shade = |v: f64| (v.max(low) / low).ln() / (high / low).ln();
     // The places of the field's points: the first and the last pixel of rows and columns.
     let step = [(w - 1.0) / (columns.max(2) - 1) as f64, (h - 1.0) / (rows.max(2) - 1) as f64];
     let fine = [FINE * (columns - 1), FINE * (rows - 1)];
     let shares: Vec<f64> = (0..fine[0] * fine[1])
         .map(|i| {
             let place = |n: usize| (n as f64 + 0.5) / FINE as f64;
-            bilinear(points, values, [place(i % fine[0]), place(i / fine[0])]) / most
+            shade(bilinear(points, values, [place(i % fine[0]), place(i / fine[0])]))
         })
         .collect();
     let uri = picture::shares(fine, &shares)?;
@@ -45,7 +45,7 @@ fn one(shown: &Shown<'_>) -> Result<String, Failure> {
     // Numbers stand where the lines cross the way from the middle to the worst place.
     let middle = [w / 2.0, h / 2.0];
     let way = [0, 1].map(|a| sigma.worst_at[a] - middle[a]);
-    for level in levels(least, most) {
+    for level in levels(low, high) {
         let mut nearest: Option<(f64, [f64; 2])> = None;
         for piece in contour(points, values, level) {
             let [[ax, ay], [bx, by]] = piece.map(|p| [p[0] * step[0], p[1] * step[1]]);
@@ -56,7 +56,7 @@ fn one(shown: &Shown<'_>) -> Result<String, Failure> {
             let aside = (off[0] * way[1] - off[1] * way[0]).abs();
             // Between the rim and the middle, clear of the frame.
             let inside =
-                at[0] > 0.05 * w && at[0] < 0.95 * w && at[1] > 0.06 * h && at[1] < 0.96 * h;
+                at[0] > 0.04 * w && at[0] < 0.96 * w && at[1] > 0.04 * h && at[1] < 0.97 * h;
             if inside && along >= 0.0 && nearest.is_none_or(|(best, _)| aside < best) {
                 nearest = Some((aside, at));
             }
@@ -77,24 +77,24 @@ fn one(shown: &Shown<'_>) -> Result<String, Failure> {
         w / 160.0
     );
     let label = format!("uncertainty over the {}'s picture", shown.name);
-    let ticks: String = (0..=2)
-        .map(|i| {
-            let share = f64::from(i) / 2.0;
-            let value = share * most;
-            format!("<span style=\"left:{}%\">{value:.2} px</span>", 100.0 * share)
-        })
-        .collect();
     Ok(format!(
         "<figure><figcaption><b>{}</b>: {:.2} px on average, {:.2} px at worst, in the {}</figcaption>\
-         {}<div class=\"bar\" style=\"background:linear-gradient(90deg,{})\"></div>\
-         <div class=\"ticks\">{ticks}</div></figure>",
+         {}{}</figure>",
         shown.name,
         sigma.rms_px,
         sigma.worst_px,
         sigma.worst_zone.name(),
         map(size, &label, &body),
-        sequential_stops()
+        bar([low, high], "px")
     ))
+}
+
+/// Smallest and largest, of a positive width, since a logarithm wants one.
+fn range(values: &[f64]) -> [f64; 2] {
+    let high = values.iter().copied().fold(0.0, f64::max);
+    let high = if high > 0.0 { high } else { 1.0 };
+    let low = values.iter().copied().fold(high, f64::min).max(1e-3 * high);
+    [low, high.max(1.01 * low)]
 }
 
 /// The function through values on a grid, at a place in grid coordinates.

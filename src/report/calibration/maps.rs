@@ -57,9 +57,13 @@ fn one(shown: &Shown<'_>) -> String {
         );
     }
     let views = shown.points.iter().map(|r| r.view + 1).max().unwrap_or(0);
+    let middle = middle(shown.points.iter().filter(|r| r.used).map(|r| r.pixel));
     let (mut rings, mut numbers) = (String::new(), String::new());
     for view in 0..views {
-        let (mut dots, mut sum, mut count) = (String::new(), [0.0; 2], 0.0);
+        let mut dots = String::new();
+        // Numbers stand at the outermost point: in the middle, where boards lie on each other,
+        // none could be read.
+        let mut outermost: Option<(f64, [f64; 2])> = None;
         for r in shown.points.iter().filter(|r| r.view == view) {
             let [x, y] = r.pixel;
             if !r.used {
@@ -68,12 +72,12 @@ fn one(shown: &Shown<'_>) -> String {
                 continue;
             }
             let _ = write!(dots, "M{x:.1} {y:.1}h0");
-            sum = [sum[0] + x, sum[1] + y];
-            count += 1.0;
+            let far = (x - middle[0]).hypot(y - middle[1]);
+            if outermost.is_none_or(|(best, _)| far > best) {
+                outermost = Some((far, r.pixel));
+            }
         }
-        if count == 0.0 {
-            continue;
-        }
+        let Some((_, [x, y])) = outermost else { continue };
         let _ = write!(
             body,
             "<path class=\"dots\" stroke=\"{}\" stroke-width=\"{:.2}\" d=\"{dots}\"/>",
@@ -82,15 +86,16 @@ fn one(shown: &Shown<'_>) -> String {
         );
         let _ = write!(
             numbers,
-            "<text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            sum[0] / count,
-            sum[1] / count + w / 90.0,
+            "<text x=\"{:.1}\" y=\"{:.1}\" fill=\"{}\">{}</text>",
+            x.clamp(0.02 * w, 0.98 * w),
+            (y + w / 90.0).clamp(0.04 * h, 0.99 * h),
+            distinct(view),
             view + 1
         );
     }
     let _ = write!(
         body,
-        "<g class=\"out\" stroke-width=\"{:.2}\">{rings}</g><g font-size=\"{:.1}\" stroke-width=\"{:.1}\">{numbers}</g>",
+        "<g class=\"out\" stroke-width=\"{:.2}\">{rings}</g><g class=\"numbers\" font-size=\"{:.1}\" stroke-width=\"{:.1}\">{numbers}</g>",
         w / 300.0,
         w / 30.0,
         w / 130.0
@@ -102,4 +107,14 @@ fn one(shown: &Shown<'_>) -> String {
         100.0 * coverage.share,
         map(size, &label, &body)
     )
+}
+
+fn middle(points: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+    let mut sum = [0.0; 2];
+    let mut count = 0.0_f64;
+    for [x, y] in points {
+        sum = [sum[0] + x, sum[1] + y];
+        count += 1.0;
+    }
+    sum.map(|s| s / count.max(1.0))
 }

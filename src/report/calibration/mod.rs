@@ -7,6 +7,8 @@ mod maps;
 mod residuals;
 mod scatter;
 mod tables;
+#[cfg(test)]
+mod tests;
 
 use crate::Failure;
 use crate::report::html::{self, capital, escape, section};

@@ -14,7 +14,7 @@ const MOST: usize = 24;
 pub(super) fn residuals(geometry: &Geometry, shown: &[Shown<'_>]) -> Result<String, Failure> {
     let together = Shown::each(shown, |s| {
         let times = magnified(s);
-        let arrows = arrows(s, times, |_| true);
+        let arrows = arrows(s, times, 1.0, |_| true);
         let label = format!("residuals of the {}", s.name);
         Ok(format!(
             "<figure><figcaption><b>{}</b>: {:.3} px RMS, drawn {times} times as long</figcaption>{}</figure>",
@@ -23,8 +23,7 @@ pub(super) fn residuals(geometry: &Geometry, shown: &[Shown<'_>]) -> Result<Stri
             map(s.size(), &label, &arrows)
         ))
     })?;
-    let clouds = Shown::each(shown, |s| Ok(scatter::cloud(s)))?;
-    let laws = Shown::each(shown, |s| Ok(scatter::histogram(s)))?;
+    let noise = Shown::each(shown, |s| Ok(scatter::cloud(s) + &scatter::histogram(s)))?;
     let mut order: Vec<usize> = (0..geometry.views.len()).collect();
     let rms = |i: &usize| geometry.views[*i].camera_rms_px;
     order.sort_by(|a, b| rms(b).total_cmp(&rms(a)));
@@ -33,7 +32,7 @@ pub(super) fn residuals(geometry: &Geometry, shown: &[Shown<'_>]) -> Result<Stri
     for &view in order.iter().take(MOST) {
         let Some(camera) = camera else { break };
         let fit = &geometry.views[view];
-        let arrows = arrows(camera, magnified(camera), |r| r.view == view);
+        let arrows = arrows(camera, magnified(camera), 2.0, |r| r.view == view);
         let label = format!("residuals of view {}", view + 1);
         let _ = write!(
             alone,
@@ -47,14 +46,14 @@ pub(super) fn residuals(geometry: &Geometry, shown: &[Shown<'_>]) -> Result<Stri
     let which = if order.len() > MOST {
         format!("The {MOST} views that fit worst",)
     } else {
-        "Each view".to_owned()
+        "Each view, the worst first,".to_owned()
     };
     Ok(format!(
         "<p>Seen minus explained. Arrows that point every way are noise; arrows that agree with their \
          neighbours are a model that is too simple, a bent board or a board that moved. Red: left out.\
-         </p>{together}<h3>{which} by itself, the worst first</h3><div class=\"views\">{alone}</div>\
+         </p>{together}<h3>{which} by itself, magnified alike</h3><div class=\"views\">{alone}</div>\
          <h3>Is it noise?</h3><p>Noise is a round cloud without a hole or a tail, and its histogram \
-         follows the normal law (the line) of the same spread.</p>{clouds}{laws}"
+         follows the normal law (the line) of the same spread.</p>{noise}"
     ))
 }
 
@@ -64,7 +63,8 @@ fn magnified(shown: &Shown<'_>) -> f64 {
     round_step(shown.size()[0] / (50.0 * rms))
 }
 
-fn arrows(shown: &Shown<'_>, times: f64, of: impl Fn(&PointResidual) -> bool) -> String {
+/// Arrows of the points that `of` picks, `times` as long; `bold` times as thick as usual.
+fn arrows(shown: &Shown<'_>, times: f64, bold: f64, of: impl Fn(&PointResidual) -> bool) -> String {
     let w = shown.size()[0];
     let (mut used, mut out, mut dots) = (String::new(), String::new(), String::new());
     for r in shown.points.iter().filter(|r| of(r)) {
@@ -81,8 +81,8 @@ fn arrows(shown: &Shown<'_>, times: f64, of: impl Fn(&PointResidual) -> bool) ->
         "<path class=\"left\" stroke-width=\"{:.2}\" d=\"{used}\"/>\
          <path class=\"left dots\" stroke-width=\"{:.2}\" d=\"{dots}\"/>\
          <path class=\"out\" stroke-width=\"{:.2}\" d=\"{out}\"/>",
-        w / 450.0,
-        w / 160.0,
-        w / 250.0
+        bold * w / 450.0,
+        bold * w / 160.0,
+        bold * w / 250.0
     )
 }

@@ -175,7 +175,10 @@ pub(super) fn selection(shown: &[Shown<'_>]) -> String {
         let mut rows = String::new();
         for trial in &selection.trials {
             let class = if trial.distortion == taken { " class=\"taken\"" } else { "" };
-            let held = trial.held_out_px.map_or("–".into(), |v| format!("{v:.4}"));
+            let held = trial.held_out_px.map_or("–".into(), |v| {
+                // Models that fall apart without a few views: how far is no matter.
+                if v < 100.0 { format!("{v:.4}") } else { "&gt; 100".into() }
+            });
             let told = match &trial.refused {
                 Some(reason) => escape(reason),
                 None if trial.distortion == taken => "taken".into(),
