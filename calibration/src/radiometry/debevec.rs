@@ -37,6 +37,9 @@ const MOST_SMOOTH: i32 = 16;
 /// falls at most twice. Uneven times tell the ripple apart.
 const WORTHWHILE: f64 = 1.0005;
 
+/// Held-out pixels this much worse than at their best: smoothness is far too small.
+const TOO_ROUGH: f64 = 1.1;
+
 /// A curve that departs from the straight line by less than this (ln exposure, RMS) is one too:
 /// sensors keep to it within half a percent, and rounding in the dark adds as much.
 const STRAIGHT: f64 = 0.01;
@@ -267,6 +270,10 @@ fn fit_curve(pixels: &[Vec<Sight>], even: bool, from: i32) -> Result<Fit> {
         let mut error = 0.0;
         for (fitted, held_out) in [(one, two), (two, one)] {
             error += held_out.mean_square(&solve(&fitted.h, &fitted.b, fitted.weight, smooth)?);
+        }
+        // Below the best smoothness held-out pixels only get worse.
+        if best.as_ref().is_some_and(|(least, ..)| error > TOO_ROUGH * least) {
+            break;
         }
         // Nothing is gained by less smoothness that explains the held-out pixels no better.
         if best.as_ref().is_none_or(|(least, ..)| error * WORTHWHILE < *least) {
