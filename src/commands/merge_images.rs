@@ -16,6 +16,16 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
     let mut warnings = Vec::new();
     let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
     let bracket = exposures(images, table.as_ref(), &mut warnings)?;
+    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
+    if overwrite == Overwrite::Refuse && output.symlink_metadata().is_ok() {
+        return Err(material::FileError::Exists { path: output }.into());
+    }
+    let bayer = args.bayer.as_deref().map(Bayer::parse).transpose()?;
+    let Some(one) = bracket.first() else {
+        return Err(Failure::input(format!("{}: no photographs", images.display())));
+    };
+    // Its shape is all that is needed.
+    let first = Photo { data: Vec::new(), ..Photo::load(&one.path)? };
     if bracket.len() < 2 {
         return Err(Failure::input(format!(
             "{}: expected at least two exposures, found {}",
@@ -23,12 +33,6 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
             bracket.len()
         )));
     }
-    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
-    if overwrite == Overwrite::Refuse && output.symlink_metadata().is_ok() {
-        return Err(material::FileError::Exists { path: output }.into());
-    }
-    let bayer = args.bayer.as_deref().map(Bayer::parse).transpose()?;
-    let first = Photo::load(&bracket[0].path)?;
     let noise = match &args.noise {
         Some(path) => read_noise(path)?,
         None => NoiseModel::for_max_value(first.max_value),

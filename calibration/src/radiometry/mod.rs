@@ -6,6 +6,7 @@ pub(crate) mod debevec;
 pub(crate) mod exposure;
 pub(crate) mod exr_io;
 pub(crate) mod hdr;
+pub(crate) mod knots;
 pub(crate) mod masters;
 pub(crate) mod merge;
 pub(crate) mod mosaic;
