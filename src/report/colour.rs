@@ -30,7 +30,7 @@ pub(crate) fn diverging(t: f64) -> [u8; 3] {
 /// golden angle apart, neither light nor dark so that they show on both grounds.
 pub(crate) fn distinct(i: usize) -> String {
     let turns = (0.08 + 0.381_966 * i as f64).fract();
-    css(oklch(if i % 2 == 0 { 0.58 } else { 0.70 }, 0.17, turns))
+    css(oklch(if i.is_multiple_of(2) { 0.58 } else { 0.70 }, 0.17, turns))
 }
 
 /// The stops of [`sequential`] for a CSS gradient.
