@@ -17,7 +17,7 @@ pub(super) fn parameters(geometry: &Geometry) -> String {
     let mut rows = String::new();
     for (k, name) in INTRINSIC_NAMES.iter().enumerate() {
         let fitted = |d: &&Device| d.standard_deviations[k] > 0.0 || d.model.parameters()[k] != 0.0;
-        if !devices.iter().any(&fitted) {
+        if !devices.iter().any(fitted) {
             continue;
         }
         let cells: String = devices
