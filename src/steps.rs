@@ -68,15 +68,16 @@ pub(crate) fn steps(session: &Session) -> Result<Vec<Step>, Failure> {
         }
         RigConfig::Simulated { .. } => {
             let acquisition = session.acquisition();
-            let pictures = |name, plan: &Plan| -> Result<Step, Failure> {
+            let pictures = |name, plan: &Plan, words: &str| -> Result<Step, Failure> {
                 plan.check()?;
                 let frames = Frames::count(session, plan);
                 let done = frames.taken == frames.wanted;
-                Ok(Step { name, done, command: command("capture SESSION"), frames: Some(frames) })
+                Ok(Step { name, done, command: command(words), frames: Some(frames) })
             };
-            out.push(pictures("calibration pictures", &acquisition.calibration_plan())?);
+            let calibration = acquisition.calibration_plan();
+            out.push(pictures("calibration pictures", &calibration, "calibrate all SESSION")?);
             out.push(file("calibration", calibrate::RESULT, "calibrate all SESSION"));
-            out.push(pictures("sample pictures", &acquisition.capture_plan())?);
+            out.push(pictures("sample pictures", &acquisition.capture_plan(), "capture SESSION")?);
             out.push(file("measurement", ARRAYS, "merge SESSION"));
         }
     }
