@@ -281,12 +281,11 @@ impl Session {
         let path = self.required(relative, command)?;
         let bytes = std::fs::read(&path)
             .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
-        serde_json::from_slice(&bytes)
-            .map_err(|e| {
-                let error = format!("{}: damaged or of another version: {e}", path.display());
-                let command = command.replace("SESSION", &self.folder.display().to_string());
-                Failure::input(error).hint(format!("make it again with: {command} --force"))
-            })
+        serde_json::from_slice(&bytes).map_err(|e| {
+            let error = format!("{}: damaged or of another version: {e}", path.display());
+            let command = command.replace("SESSION", &self.folder.display().to_string());
+            Failure::input(error).hint(format!("make it again with: {command} --force"))
+        })
     }
 
     pub fn write_json(

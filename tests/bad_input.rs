@@ -176,13 +176,13 @@ fn steps_that_were_left_out() {
     told(diaphane(["solve", &session]), "measurement.npz", "diaphane merge");
     told(diaphane(["export", &session]), "material.diaphane", "diaphane solve");
     let status = diaphane(["status", &session]);
-    assert_eq!(status.json["next"]["command"], format!("diaphane capture {session}"));
+    assert_eq!(status.json["next"]["command"], format!("diaphane calibrate all {session}"));
     // A report tells what there is.
     let report = diaphane(["report", &session]);
     assert_eq!(report.code, 0, "{}", report.stderr);
     assert!(report.json["missing"].as_array().unwrap().len() > 3);
     let page = std::fs::read_to_string(Path::new(&session).join("report/report.html")).unwrap();
-    assert!(page.contains("not finished") && page.contains("diaphane capture"));
+    assert!(page.contains("not finished") && page.contains("diaphane calibrate all"));
 }
 
 #[test]

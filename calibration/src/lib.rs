@@ -51,6 +51,7 @@ pub use geometry::result::{
 pub use geometry::rig_view::{CodedCorner, ProjectedPoint, RigView, Sight};
 pub use geometry::selection::{ModelTrial, Selection};
 pub use photo::{Photo, list_pictures};
+pub use radiometry::brightness::{Brightness, check_brightness};
 pub use radiometry::colour_wheel::{BurstFrame, ColourWheel, find_colour_wheel};
 pub use radiometry::debevec::{recover_response, recover_response_above};
 pub use radiometry::exposure::{ExposureTable, exif_exposure_s, parse_seconds};

@@ -155,6 +155,11 @@ fn views_that_leave_something_open_are_refused() {
         .collect();
     let error = calibrate(&same_tilt).map(|g| g.camera).unwrap_err().to_string();
     assert!(error.contains("parallel to each other"), "{error}");
+    let mut copied = rig(6, Light::Coded, &mut Noise::new(2));
+    copied[4].board.image_points = copied[1].board.image_points.clone();
+    let copied = calibrate_geometry(&copied, CAMERA_PX, None, CHOICE);
+    let error = copied.map(|g| g.camera).unwrap_err().to_string();
+    assert!(error.contains("pose4") && error.contains("pose1"), "{error}");
     let two = calibrate(&poses(2));
     assert!(
         matches!(two, Err(CalibrationError::TooFewViews { found: 2, needed: 3, .. })),

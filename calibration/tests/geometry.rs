@@ -116,6 +116,27 @@ fn projection_and_its_inverse_agree() {
     }
 }
 
+/// Pixels that mrcal 2.2 (Debian) gives for the same coefficients: LENSMODEL_OPENCV5 and 8.
+#[test]
+fn projection_agrees_with_mrcal() {
+    let mut camera = CameraModel::pinhole([640, 480], [533.1, 533.4], [342.2, 233.5]);
+    camera.distortion = [-0.29, 0.11, 0.001, -0.0005, 0.02, 0.0, 0.0, 0.0];
+    let mut rational = camera;
+    rational.distortion[5..].copy_from_slice(&[0.03, -0.01, 0.004]);
+    let known = [
+        (camera, [0.31, -0.17, 1.0], [501.6200482015625, 146.075298278125]),
+        (camera, [-0.42, 0.33, 1.1], [151.00998553745933, 383.8816208042759]),
+        (rational, [0.31, -0.17, 1.0], [501.0474423318953, 146.38948465633695]),
+    ];
+    for (model, point, [x, y]) in known {
+        let [u, v] = model.project(point);
+        // Both compute in double precision.
+        assert!((u - x).hypot(v - y) < 1e-9, "{u} {v} for {x} {y}");
+        let [a, b] = model.undistort([u, v]).unwrap();
+        assert!((a - point[0] / point[2]).hypot(b - point[1] / point[2]) < 1e-12, "{a} {b}");
+    }
+}
+
 #[test]
 fn camera_and_projector_are_recovered_from_pictures() {
     let board = Board::parse("7x6", 20.0).unwrap();

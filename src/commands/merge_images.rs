@@ -5,8 +5,9 @@ use crate::Failure;
 use crate::exposures::{Exposure, exposures, master_darks, read_noise, response_bracket};
 use crate::output::{Done, Progress};
 use calibration::{
-    Bayer, ExposureTable, ExrPrecision, FlatField, HdrImage, MergeReport, Merger, NoiseModel,
-    Photo, Response, list_pictures, recover_response, recover_response_above, write_exr_as,
+    Bayer, Brightness, ExposureTable, ExrPrecision, FlatField, HdrImage, MergeReport, Merger,
+    NoiseModel, Photo, Response, check_brightness, list_pictures, recover_response,
+    recover_response_above, write_exr_as,
 };
 use material::Overwrite;
 use serde_json::json;
@@ -165,10 +166,14 @@ fn merged(
         merger = merger.with_flat(FlatField::average(photos, None, response, noise)?);
     }
     let mut progress = Progress::new("read", bracket.len());
+    let mut seen = Vec::new();
     for (done, exposure) in bracket.iter().enumerate() {
         progress.set(done, &exposure.name);
-        merger.add(Photo::load(&exposure.path)?, exposure.seconds)?;
+        let photo = Photo::load(&exposure.path)?;
+        seen.push(Brightness::of(&photo, exposure.seconds));
+        merger.add(photo, exposure.seconds)?;
     }
+    check_brightness(&seen)?;
     progress.finish("merging");
     Ok(merger.finish()?)
 }

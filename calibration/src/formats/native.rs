@@ -74,6 +74,9 @@ fn check(geometry: &Geometry) -> std::result::Result<(), String> {
         if m.width == 0 || m.height == 0 || m.fx <= 0.0 || m.fy <= 0.0 || !finite {
             return Err("a device without size or focal length".into());
         }
+        if let Some([x, y]) = m.fold() {
+            return Err(format!("a distortion that folds the picture at pixel ({x:.0}, {y:.0})"));
+        }
     }
     if geometry.views.len() != geometry.observations.len() {
         let (fits, seen) = (geometry.views.len(), geometry.observations.len());

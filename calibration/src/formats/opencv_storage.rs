@@ -206,6 +206,11 @@ impl Reader<'_> {
         let mut model = CameraModel::pinhole([width, height], [k[0], k[4]], [k[2], k[5]]);
         model.skew = k[1];
         model.distortion.iter_mut().zip(&found).for_each(|(d, f)| *d = *f);
-        Ok(model)
+        match model.fold() {
+            None => Ok(model),
+            Some([x, y]) => {
+                Err(format!("a distortion that folds the picture at pixel ({x:.0}, {y:.0})"))
+            }
+        }
     }
 }

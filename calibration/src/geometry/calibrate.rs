@@ -18,6 +18,10 @@ const FEWEST_VIEWS: usize = 3;
 /// Zhang's 1280 are 5.2 robust sigmas), while a corner found in the wrong place is off by tens.
 const OUTLIER_SIGMAS: f64 = 6.0;
 
+/// Boards must be turned against each other by this much at least, degrees: what a board parallel
+/// to another says about the focal length comes from the lens's distortion alone.
+const LEAST_TURN_DEG: f64 = 5.0;
+
 /// 1-sigma of the focal length over itself beyond which there is no calibration to speak of.
 const WIDEST_FOCAL_LENGTH: f64 = 0.05;
 
@@ -156,9 +160,6 @@ impl Adjustment<'_> {
         let problem = self.problem(f64::INFINITY);
         let found = bundle::uncertainty(self.what, &problem, &self.state)?;
         let share = found.globals[(0, 0)].max(0.0).sqrt() / self.state.camera.fx;
-        if share <= WIDEST_FOCAL_LENGTH {
-            return Ok(());
-        }
         let normals: Vec<[f64; 3]> =
             self.state.poses.iter().map(|p| p.rotate([0.0, 0.0, 1.0])).collect();
         let angle = |a: &[f64; 3], b: &[f64; 3]| {
@@ -169,15 +170,14 @@ impl Adjustment<'_> {
             .iter()
             .flat_map(|a| normals.iter().map(move |b| angle(a, b)))
             .fold(0.0, f64::max);
-        let why = if widest < 10.0 {
-            format!("the boards are all parallel to each other to {widest:.1} degrees and")
+        let reason = if widest < LEAST_TURN_DEG {
+            format!("the boards are all parallel to each other to {widest:.1} degrees")
+        } else if share > WIDEST_FOCAL_LENGTH {
+            format!("the views leave the focal length open by {:.0} %", 100.0 * share)
         } else {
-            "the views".into()
+            return Ok(());
         };
-        Err(CalibrationError::Degenerate {
-            what: self.what,
-            reason: format!("{why} leave the focal length open by {:.0} %", 100.0 * share),
-        })
+        Err(CalibrationError::Degenerate { what: self.what, reason })
     }
 
     /// Every lit point in the camera's frame (mm) with its projector pixel.
@@ -229,6 +229,16 @@ fn check(views: &[RigView], camera: [usize; 2], projector: Option<[usize; 2]>) -
                 picture: board.name.clone(),
                 expected: format!("lit points with finite pixels, on corners below {count}"),
                 found: "one without".into(),
+            });
+        }
+    }
+    for (i, view) in views.iter().enumerate() {
+        let same = |other: &&RigView| other.board.image_points == view.board.image_points;
+        if let Some(other) = views[..i].iter().find(same) {
+            return Err(CalibrationError::Mismatch {
+                picture: view.board.name.clone(),
+                expected: "another pose of the board in every picture".into(),
+                found: format!("the very points of {}", other.board.name),
             });
         }
     }

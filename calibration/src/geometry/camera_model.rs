@@ -176,7 +176,7 @@ impl CameraModel {
                 })
             })
         };
-        rim.into_iter().find(|pixel| !unfolded(pixel))
+        rim.into_iter().find(|pixel| !unfolded(pixel)).map(|[x, y]| [x.max(0.0), y.max(0.0)])
     }
 
     /// Numerator and denominator of the radial factor.

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::error::{CalibrationError, Result};
 use crate::photo::Photo;
 use crate::radiometry::bounded::least_quadratic;
+use crate::radiometry::brightness::{Brightness, check_brightness};
 use crate::radiometry::knots::{curvature, from_increments, in_increments, turns};
 use crate::radiometry::response::{KNOTS, Response};
 
@@ -194,6 +195,8 @@ fn check_bracket(bracket: &[(Photo, f64)]) -> Result<&Photo> {
         let found = format!("{} pictures of {least} to {most} s", bracket.len());
         return Err(bad("exposure times that differ by at least 5 %", found));
     }
+    let all: Vec<Brightness> = bracket.iter().map(|(p, t)| Brightness::of(p, *t)).collect();
+    check_brightness(&all)?;
     Ok(first)
 }
 

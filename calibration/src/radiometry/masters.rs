@@ -105,14 +105,28 @@ impl FlatField {
 pub(crate) fn refuse_saturated(photo: &Photo, noise: &NoiseModel) -> Result<()> {
     let clipped = photo.data.iter().filter(|v| f64::from(**v) >= noise.saturation).count();
     let share = clipped as f64 / photo.data.len().max(1) as f64;
-    if share <= SATURATED_SHARE {
+    let (found, saturation) = if share > SATURATED_SHARE {
+        (share, noise.saturation)
+    } else if let Some((share, code)) = pile_up(photo) {
+        (share, f64::from(code))
+    } else {
         return Ok(());
-    }
+    };
     Err(CalibrationError::Mismatch {
         picture: photo.name.clone(),
-        expected: format!("a flat field below saturation ({} DN)", noise.saturation),
-        found: format!("{:.1} % of its samples saturated", 100.0 * share),
+        expected: format!("a flat field below saturation ({saturation:.0} DN)"),
+        found: format!("{:.1} % of its samples saturated", 100.0 * found),
     })
+}
+
+/// Share of the samples at a picture's brightest code, and that code, where they pile up there: a
+/// sensor whose full scale is below the file's. Noise thins out towards its brightest code.
+fn pile_up(photo: &Photo) -> Option<(f64, u16)> {
+    let top = photo.data.iter().copied().max()?;
+    let count = |code: u16| photo.data.iter().filter(|v| **v == code).count();
+    let (here, below) = (count(top), top.checked_sub(1).map_or(0, count));
+    let share = here as f64 / photo.data.len() as f64;
+    (share > SATURATED_SHARE && here > 2 * below).then_some((share, top))
 }
 
 pub(crate) fn refuse_other_shape(photo: &Photo, first: &Photo) -> Result<()> {

@@ -1,6 +1,7 @@
 //! How much light there was: exposure times, response, noise, and the merge of a bracket.
 
 pub(crate) mod bounded;
+pub(crate) mod brightness;
 pub(crate) mod colour_wheel;
 pub(crate) mod debevec;
 pub(crate) mod exposure;

@@ -106,6 +106,14 @@ impl PhotonTransfer {
             photo.check()?;
             refuse_other_shape(photo, self.shape.as_ref().unwrap_or(one))?;
         }
+        // Noise never repeats itself; a frame that was copied would count as one without any.
+        if dark_s.is_none() && one.data == other.data {
+            return Err(CalibrationError::Mismatch {
+                picture: other.name.clone(),
+                expected: format!("another frame than {}", one.name),
+                found: "the same, sample by sample".into(),
+            });
+        }
         for c in 0..one.channels {
             let own = |photo: &'_ Photo| {
                 let codes = photo.data.iter().skip(c).step_by(photo.channels);

@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         found.thickness_mm.map_or(String::new(), |t| format!(", block {t:.2} mm thick")),
         projector.baseline_mm,
         100.0 * found.white_disagreement,
-        verdict_text(&found.verdict),
+        with_more_views(&session, &found.verdict),
         session.path(PAGE).display(),
         session.folder().display()
     );
@@ -145,6 +145,19 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "page": session.path(PAGE),
     });
     Ok(Done::new(json, text))
+}
+
+/// The verdict, and how a session gets more views where it wants them.
+fn with_more_views(session: &Session, verdict: &Verdict) -> String {
+    let mut out = verdict_text(verdict);
+    if !verdict.advice.is_empty() {
+        let (folder, poses) = (session.folder().display(), session.config.plan.board_poses);
+        out += &format!(
+            "\n  for more views set board_poses (now {poses}) in session.toml and give: diaphane \
+             calibrate all {folder} --force"
+        );
+    }
+    out
 }
 
 /// The parts of the rig's description that a calibration needs.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  diaphane calibrate camera --images photos --board 9x6 --square 25\n  \
-                  diaphane calibrate camera --points view1.txt view2.txt view3.txt \
+                  diaphane calibrate camera --points view1.txt view2.txt view3.txt \\\n    \
                   --plane board.txt --size 640x480 --distortion k1-k2 --skew"
 )]
 pub(crate) struct Args {

@@ -54,7 +54,7 @@ impl ChoiceArgs {
 pub(super) fn distortion(name: &str) -> Result<Option<Distortion>, Failure> {
     match name {
         "auto" => Ok(None),
-        name => Ok(Some(Distortion::parse(name)?)),
+        name => Ok(Some(Distortion::parse(name).map_err(|e| Failure::input(e).hint("or auto"))?)),
     }
 }
 

@@ -22,7 +22,7 @@ use std::time::Instant;
 /// sinusoids of the columns, then of the rows, follow.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Example:\n  diaphane calibrate projector --images poses --board 9x7 --square 75 \
+    after_help = "Example:\n  diaphane calibrate projector --images poses --board 9x7 \\\n    --square 75 \
                   --projector 1024x768 --output rig.toml"
 )]
 pub(crate) struct Args {
@@ -176,16 +176,10 @@ fn look(
     let Some(white) = white else {
         return Err(CalibrationError::TooFewViews { what: "a code", needed: 1, found: 0 });
     };
-    let mut seen = board.view(white).map_err(|error| match error {
-        // The pictures of all poses have the same names.
-        CalibrationError::BoardNotFound { picture, board, reason } => {
-            let picture = format!("{name}/{picture}");
-            CalibrationError::BoardNotFound { picture, board, reason }
-        }
-        error => error,
-    })?;
+    // The code first: it tells a white picture that was exchanged with another.
+    let decoded = decode(layout, &pictures).map_err(|e| in_folder(name, e))?;
+    let mut seen = board.view(white).map_err(|e| in_folder(name, e))?;
     seen.name = name.to_owned();
-    let decoded = decode(layout, &pictures)?;
     let lit = light_corners(&decoded, &seen.image_points);
     let coded = lit.iter().enumerate().filter_map(|(corner, lit)| {
         let lit = lit.as_ref()?;
@@ -194,4 +188,20 @@ fn look(
     let coded = coded.collect();
     let size = [white.width, white.height];
     Ok((RigView { board: seen, coded, projected: Vec::new() }, size))
+}
+
+/// The same error with the pose's folder before the picture: those of all poses have one name.
+fn in_folder(folder: &str, error: CalibrationError) -> CalibrationError {
+    use CalibrationError as E;
+    let name = |picture: String| format!("{folder}/{picture}");
+    match error {
+        E::BoardNotFound { picture, board, reason } => {
+            E::BoardNotFound { picture: name(picture), board, reason }
+        }
+        E::CodeSequence { picture, reason } => E::CodeSequence { picture: name(picture), reason },
+        E::Mismatch { picture, expected, found } => {
+            E::Mismatch { picture: name(picture), expected, found }
+        }
+        error => error,
+    }
 }
