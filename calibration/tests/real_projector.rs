@@ -32,28 +32,31 @@ fn a_lens_shifted_projector_is_found_below_its_own_picture() {
         }
     };
     let views: Vec<RigView> = (0..5).map(view).collect();
-    for (distortion, warp) in [
-        (None, false),
-        (Some(Distortion::K1), false),
-        (Some(Distortion::K1K2P1P2), false),
-        (Some(Distortion::K1K2P1P2), true),
-    ] {
-        let choice = Choice { camera: distortion, projector: distortion, skew: false, warp };
-        let result = calibrate_geometry(&views, [1280, 1024], Some([1024, 768]), choice).unwrap();
-        let projector = result.projector.as_ref().unwrap();
-        eprintln!(
-            "rms {:.4} camera {:.4} {:?} projector {:.4} {:?}\n {:?} ± {:?}, baseline {:.2} ± {:.2}, warp {:?}, {} outliers",
-            result.rms_px,
-            result.camera.rms_px,
-            result.camera.selection,
-            projector.device.rms_px,
-            projector.device.selection,
-            projector.device.model,
-            projector.device.standard_deviations,
-            projector.baseline_mm,
-            projector.baseline_standard_deviation_mm,
-            result.warp_mm,
-            result.outliers.len()
-        );
-    }
+    let choice = Choice {
+        camera: Some(Distortion::K1K2P1P2),
+        projector: Some(Distortion::K1K2P1P2),
+        ..Choice::default()
+    };
+    let result = calibrate_geometry(&views, [1280, 1024], Some([1024, 768]), choice).unwrap();
+    let projector = result.projector.as_ref().unwrap();
+    eprintln!(
+        "rms {:.4} camera {:.4} projector {:.4} {:?}, baseline {:.2} ± {:.2}, {} left out",
+        result.rms_px,
+        result.camera.rms_px,
+        projector.device.rms_px,
+        projector.device.model,
+        projector.baseline_mm,
+        projector.baseline_standard_deviation_mm,
+        result.outliers.len()
+    );
+    // Adjusted by others with nothing left out: 0.265 px, 1892.6 1897.4 502.9 854.2, 675.6 mm. These
+    // corners jump by pixels where the board curls; without them the focal lengths are half a
+    // percent less, the principal point 10 to 20 px elsewhere.
+    assert!(result.rms_px < 0.16, "{}", result.rms_px);
+    let model = projector.device.model;
+    assert!((model.fx / 1892.6 - 1.0).abs() < 0.01, "{model:?}");
+    assert!((model.fy / 1897.4 - 1.0).abs() < 0.01, "{model:?}");
+    assert!(model.cy > 768.0 && (model.cy - 854.2).abs() < 25.0, "{model:?}");
+    assert!((projector.baseline_mm - 675.6).abs() < 4.0, "{}", projector.baseline_mm);
+    assert!((10..45).contains(&result.outliers.len()), "{}", result.outliers.len());
 }

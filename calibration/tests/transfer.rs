@@ -96,3 +96,26 @@ fn frames_that_cannot_tell_are_named() {
     let result = transfer.finish().map(|_| ());
     named(result, ["pairs of flat frames", "2"]);
 }
+
+/// A 12-bit sensor in a 16-bit file: samples pile up at 4095, and nothing else tells.
+#[test]
+fn saturation_below_full_scale_and_copied_frames_are_refused() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let clipped = |name: &str, light: f64, rng: &mut ChaCha8Rng| {
+        let mut photo = frame(name, light, 1.0, rng);
+        photo.data.iter_mut().for_each(|v| *v = (*v).min(4095));
+        photo
+    };
+    let mut transfer = PhotonTransfer::new(None);
+    let [a, b] = ["one.png", "other.png"].map(|name| clipped(name, 4000.0, &mut rng));
+    transfer.add_flats(&a, &b).unwrap();
+    // About a third, and all, of the samples at the brightest code.
+    for light in [5000.0, 9000.0] {
+        let [a, b] = ["bright.png", "brighter.png"].map(|name| clipped(name, light, &mut rng));
+        let error = transfer.add_flats(&a, &b).unwrap_err().to_string();
+        assert!(error.contains("bright.png") && error.contains("4095 DN"), "{error}");
+    }
+    let copy = Photo { name: "copy.png".into(), ..a.clone() };
+    let error = transfer.add_flats(&a, &copy).unwrap_err().to_string();
+    assert!(error.contains("copy.png") && error.contains("one.png"), "{error}");
+}

@@ -120,13 +120,16 @@ pub(crate) fn refuse_saturated(photo: &Photo, noise: &NoiseModel) -> Result<()> 
 }
 
 /// Share of the samples at a picture's brightest code, and that code, where they pile up there: a
-/// sensor whose full scale is below the file's. Noise thins out towards its brightest code.
+/// sensor whose full scale is below the file's.
+///
+/// Noise of a code or more thins out towards its brightest code: no hundredth of the samples lies
+/// there with less than a quarter of that just below. In 8 bits noise may be less than a code.
 fn pile_up(photo: &Photo) -> Option<(f64, u16)> {
     let top = photo.data.iter().copied().max()?;
     let count = |code: u16| photo.data.iter().filter(|v| **v == code).count();
     let (here, below) = (count(top), top.checked_sub(1).map_or(0, count));
     let share = here as f64 / photo.data.len() as f64;
-    (share > SATURATED_SHARE && here > 2 * below).then_some((share, top))
+    (photo.max_value > 255 && share > 0.01 && here > 4 * below).then_some((share, top))
 }
 
 pub(crate) fn refuse_other_shape(photo: &Photo, first: &Photo) -> Result<()> {
