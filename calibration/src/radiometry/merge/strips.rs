@@ -384,8 +384,8 @@ fn finish(
             let counts = if mean < channel.clipped { 1.0 } else { 0.0 };
             counts * (channel.exposure[code] - mean).powi(2) / channel.variance(mean)
         };
-        let worst = (0..job.frames.len()).max_by(|a, b| off(*a).total_cmp(&off(*b)));
-        if let Some(worst) = worst {
+        let misfits = (0..job.frames.len()).map(|k| (off(k), k));
+        if let Some((_, worst)) = misfits.max_by(|a, b| a.0.total_cmp(&b.0)) {
             tally.moved[worst] += 1;
         }
     }
