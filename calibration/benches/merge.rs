@@ -29,9 +29,14 @@ fn stack(response: &Response) -> Vec<(Photo, f64)> {
                     let (x, y) = (s / 3 % WIDTH, s / 3 / WIDTH);
                     let wave = (x as f64 / 37.0).sin() + (y as f64 / 23.0).cos();
                     let scene = 10.0_f64.powf(5.0 * x as f64 / WIDTH as f64 - 2.5 + 0.2 * wave);
-                    let sigma = (noise.variance(255.0 * (scene * time).min(1.0))).sqrt();
-                    let light = scene * time + sigma / 255.0 * rng.sample::<f64, _>(StandardNormal);
-                    codes.partition_point(|e| *e < light).min(255) as u16
+                    // Photons before the response, read noise and rounding after it.
+                    let photons = (noise.gain / 255.0 * (scene * time).min(1.0)).sqrt();
+                    let light = scene * time + photons * rng.sample::<f64, _>(StandardNormal);
+                    let above = codes.partition_point(|e| *e < light).clamp(1, 255);
+                    let (low, high) = (codes[above - 1], codes[above]);
+                    let code = above as f64 - 1.0 + (light - low) / (high - low);
+                    let read = noise.read_noise * rng.sample::<f64, _>(StandardNormal);
+                    (code + read).round().clamp(0.0, 255.0) as u16
                 })
                 .collect();
             let name = format!("frame {i}");

@@ -23,7 +23,7 @@ const SMALLEST_RISE: f64 = 1.0 / (8.0 * 255.0);
 
 /// Pixels taken for each of 256 codes, over all pictures: enough to average noise, few enough
 /// for dark corners to count as much as the sky.
-const PIXELS_PER_CODE: usize = 900;
+const PIXELS_PER_CODE: usize = 600;
 
 /// Decades of smoothness that are tried, times four.
 const LEAST_SMOOTH: i32 = -32;
@@ -302,16 +302,18 @@ struct Sight {
 
 /// The chosen pixels that at least two exposures see.
 fn look(bracket: &[(Photo, f64)], channel: usize) -> Vec<Vec<Sight>> {
+    let logs: Vec<f64> = bracket.iter().map(|(_, time)| time.ln()).collect();
     let sights = |pixel: usize| -> Vec<Sight> {
-        let seen = bracket.iter().filter_map(|(photo, time)| {
-            let code = f64::from(photo.data[pixel * photo.channels + channel])
-                / f64::from(photo.max_value);
-            let trust = hat(code);
-            let position = code * (KNOTS - 1) as f64;
+        let seen = bracket.iter().zip(&logs).filter_map(|((photo, _), &log_time)| {
+            let code = f64::from(photo.data[pixel * photo.channels + channel]);
+            let full = f64::from(photo.max_value);
+            let trust = hat(code / full);
+            // Exact for 8 bits: every code is a knot, and the share of the other one is nothing.
+            let position = code * (KNOTS - 1) as f64 / full;
             let k = (position as usize).min(KNOTS - 2);
             let fraction = position - k as f64;
             let knots = [(k, 1.0 - fraction), (k + 1, fraction)];
-            (trust > 0.0).then_some(Sight { knots, trust, weight: trust, log_time: time.ln() })
+            (trust > 0.0).then_some(Sight { knots, trust, weight: trust, log_time })
         });
         seen.collect()
     };
@@ -329,12 +331,13 @@ fn normal_equations<'a>(pixels: impl Iterator<Item = &'a Vec<Sight>>) -> Half {
             let centred = one.log_time - mean_log;
             c += one.weight * centred * centred;
             weight += one.weight;
-            for (k, share) in one.knots {
+            // Where codes are knots, as with 8 bits, one of the two has all.
+            for (k, share) in one.knots.into_iter().filter(|(_, share)| *share > 0.0) {
                 b[k] += one.weight * share * centred;
                 for (j, other) in sights.iter().enumerate() {
                     let own = if i == j { one.weight } else { 0.0 };
                     let pair = own - one.weight * other.weight / total;
-                    for (l, other_share) in other.knots {
+                    for (l, other_share) in other.knots.into_iter().filter(|k| k.1 > 0.0) {
                         h[(k, l)] += pair * share * other_share;
                     }
                 }

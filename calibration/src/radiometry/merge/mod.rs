@@ -327,10 +327,11 @@ fn few_pixels(photo: &Photo) -> Vec<usize> {
     if pixels <= FEW {
         return (0..pixels).collect();
     }
-    (0..FEW)
-        .map(|k| ((k as f64 * 0.618_033_988_749_895).fract() * pixels as f64) as usize)
-        .map(|p| p.min(pixels - 1))
-        .collect()
+    let place = |k: usize| ((k as f64 * 0.618_033_988_749_895).fract() * pixels as f64) as usize;
+    let mut few: Vec<usize> = (0..FEW).map(|k| place(k).min(pixels - 1)).collect();
+    // In the order of memory they are read several times faster.
+    few.sort_unstable();
+    few
 }
 
 /// Merges a bracket, frame by frame as the iterator yields them.

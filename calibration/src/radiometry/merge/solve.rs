@@ -20,13 +20,13 @@ pub(super) const LANES: usize = 128;
 /// Iterations at most: each shrinks the error of the weights by the relative noise.
 const MOST: usize = 10;
 
-/// An iteration that moves a sample by less than half a hundredth of its sigma is the last; what
-/// is left is smaller by the relative noise once more.
+/// An iteration is the last when what it leaves is below half a hundredth of a sample's sigma:
+/// its step, times the relative noise once more.
 const SETTLED: f32 = 2.5e-5;
 
-/// Rounds that look up the variance of a curved response anew: later ones move far less than the
+/// The variance of a curved response is looked up anew when a sample has moved by more than the
 /// table's step.
-const LOOKED_UP: usize = 2;
+const STEP_OF_TABLE: f32 = 0.02;
 
 /// Neighbours whose mean guides the weights in the dark: a power of two.
 const NEIGHBOURS: usize = 16;
@@ -49,8 +49,6 @@ pub(super) struct Exposures {
     pub dark_variance: f32,
     /// Variance of each sample without the photons'.
     constant: [f32; LANES],
-    /// t/V of each sample, 0 where it is clipped.
-    weight: [f32; LANES],
     clipped: Clipped,
 }
 
@@ -70,7 +68,6 @@ impl Exposures {
             dark: [0.0; LANES],
             dark_variance: 0.0,
             constant: [0.0; LANES],
-            weight: [0.0; LANES],
             clipped: Clipped::None,
         }
     }
@@ -86,12 +83,15 @@ pub(super) struct Solved {
     pub freedom: [f32; LANES],
     /// The radiance that the weights are computed for.
     guide: [f32; LANES],
+    /// The one that the variances of a curved response were looked up for.
+    looked_up: [f32; LANES],
 }
 
 impl Solved {
     pub fn new() -> Self {
         let zero = [0.0; LANES];
-        Self { radiance: zero, information: zero, chi2: zero, freedom: zero, guide: zero }
+        let (radiance, information, chi2, freedom) = (zero, zero, zero, zero);
+        Self { radiance, information, chi2, freedom, guide: zero, looked_up: zero }
     }
 }
 
@@ -108,7 +108,7 @@ pub(super) fn solve<V: VarianceOf>(
     start(frames, clipped, out);
     out.guide = out.radiance;
     for round in 0..MOST {
-        if !V::EVEN && round < LOOKED_UP {
+        if !V::EVEN && (round == 0 || has_moved(out)) {
             look_up(frames, noise, out);
         }
         if iterate(frames, noise, clipped, out) {
@@ -116,7 +116,6 @@ pub(super) fn solve<V: VarianceOf>(
         }
         find_guide(like, out);
     }
-    misfit(frames, clipped, out);
 }
 
 /// Light over time of the exposures that are not clipped: optimal where only photons make noise.
@@ -154,9 +153,21 @@ fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
     }
 }
 
+/// Whether the guide of any sample is a step of the table away from where it was looked up.
+#[inline(always)]
+fn has_moved(out: &Solved) -> bool {
+    let mut moved = 0_u32;
+    for l in 0..LANES {
+        let off = (out.guide[l] - out.looked_up[l]).abs();
+        moved += u32::from(off > STEP_OF_TABLE * out.looked_up[l].abs());
+    }
+    moved > 0
+}
+
 /// The variance that does not come from photons.
 #[inline(always)]
-fn look_up<V: VarianceOf>(frames: &mut [Exposures], noise: V, out: &Solved) {
+fn look_up<V: VarianceOf>(frames: &mut [Exposures], noise: V, out: &mut Solved) {
+    out.looked_up = out.guide;
     for frame in frames.iter_mut().filter(|f| f.clipped != Clipped::All) {
         for l in 0..LANES {
             let typical = frame.time * out.guide[l] + frame.dark[l];
@@ -166,20 +177,21 @@ fn look_up<V: VarianceOf>(frames: &mut [Exposures], noise: V, out: &Solved) {
 }
 
 /// One round of weights; returns whether every sample has settled.
+///
+/// Sums are over residuals r = x − tL at the radiance so far: the step is Σ w r / Σ w t with
+/// w = t/V, and after it the misfit Σ r²/V is smaller by (Σ w r)²/Σ w t, so that no second look
+/// at the samples is needed.
 #[inline(always)]
-fn iterate<V: VarianceOf>(
-    frames: &mut [Exposures],
-    noise: V,
-    clipped: f32,
-    out: &mut Solved,
-) -> bool {
-    let mut weighted = [0.0_f32; LANES];
-    let mut information = [0.0_f32; LANES];
+fn iterate<V: VarianceOf>(frames: &[Exposures], noise: V, clipped: f32, out: &mut Solved) -> bool {
+    let zero = [0.0_f32; LANES];
+    let (mut score, mut information) = (zero, zero);
+    let (mut censored_score, mut censored) = (zero, zero);
+    out.chi2 = zero;
     let sigma = noise.variance(clipped).sqrt();
     for frame in frames {
         let t = frame.time;
         if frame.clipped != Clipped::None {
-            let sums = (&mut weighted, &mut information);
+            let sums = (&mut censored_score, &mut censored);
             add_clipped(frame, noise, clipped, sigma, &out.radiance, sums);
         }
         if frame.clipped == Clipped::All {
@@ -189,23 +201,30 @@ fn iterate<V: VarianceOf>(
         for l in 0..LANES {
             let typical = t * out.guide[l] + frame.dark[l];
             let constant = if V::EVEN { even } else { frame.constant[l] };
-            let weight = t / noise.with_photons(constant, typical);
-            let weight = if frame.x[l] < clipped { weight } else { 0.0 };
-            frame.weight[l] = weight;
-            weighted[l] += weight * (frame.x[l] - frame.dark[l]);
-            information[l] += weight * t;
+            let precision = 1.0 / noise.with_photons(constant, typical);
+            let precision = if frame.x[l] < clipped { precision } else { 0.0 };
+            let residual = frame.x[l] - (t * out.radiance[l] + frame.dark[l]);
+            let weighted = precision * residual;
+            score[l] += t * weighted;
+            information[l] += t * t * precision;
+            out.chi2[l] += weighted * residual;
         }
     }
     let mut moving = 0_u32;
     for l in 0..LANES {
         // Exposures that are all clipped bound the radiance on one side only.
-        let known = out.freedom[l] >= 0.0;
-        let next = weighted[l] / information[l];
-        let next = if known { next } else { out.radiance[l] };
-        let step = next - out.radiance[l];
-        moving += u32::from(step * step * information[l] > SETTLED);
+        let known = if out.freedom[l] >= 0.0 { 1.0 } else { 0.0 };
+        let both = information[l] + censored[l];
+        let step = if known > 0.0 { (score[l] + censored_score[l]) / both } else { 0.0 };
+        let next = out.radiance[l] + step;
+        // Σ (r − tδ)²/V = Σ r²/V − 2δ Σ w r + δ² Σ w t.
+        let smaller = out.chi2[l] - step * (2.0 * score[l] - step * information[l]);
+        out.chi2[l] = known * smaller.max(0.0);
+        // Signal over noise, squared, where it is above one.
+        let clear = (next * next * both).max(1.0);
+        moving += u32::from(step * step * both > SETTLED * clear);
         out.radiance[l] = next;
-        out.information[l] = if known { information[l] } else { 0.0 };
+        out.information[l] = known * both;
     }
     moving == 0
 }
@@ -218,7 +237,7 @@ fn add_clipped<V: VarianceOf>(
     clipped: f32,
     sigma: f32,
     radiance: &[f32; LANES],
-    (weighted, information): (&mut [f32; LANES], &mut [f32; LANES]),
+    (scores, information): (&mut [f32; LANES], &mut [f32; LANES]),
 ) {
     let t = frame.time;
     // Far above clipping a sample is clipped anyway, which says nothing.
@@ -243,7 +262,7 @@ fn add_clipped<V: VarianceOf>(
             // Clipped against all odds: what it says is where clipping begins.
             (t * a / sigma, t * t / variance)
         };
-        weighted[l] += score + slope * radiance[l];
+        scores[l] += score;
         information[l] += slope;
     }
 }
@@ -280,18 +299,5 @@ fn find_guide(like: usize, out: &mut Solved) {
         let around = sums[l] / NEIGHBOURS as f32;
         let clear = around.max(0.0).powi(2) * out.information[l] / (OWN * OWN);
         out.guide[l] = (around + clear * out.radiance[l]) / (1.0 + clear);
-    }
-}
-
-#[inline(always)]
-fn misfit(frames: &[Exposures], clipped: f32, out: &mut Solved) {
-    out.chi2 = [0.0; LANES];
-    for frame in frames.iter().filter(|f| f.clipped != Clipped::All) {
-        let per_time = 1.0 / frame.time;
-        for l in 0..LANES {
-            let counts = if frame.x[l] < clipped { per_time } else { 0.0 };
-            let off = frame.x[l] - (frame.time * out.radiance[l] + frame.dark[l]);
-            out.chi2[l] += counts * off * off * frame.weight[l];
-        }
     }
 }
