@@ -1,8 +1,10 @@
 //! A folder of photographs with their exposure times.
 
 use crate::Failure;
+use crate::reading::Reading;
 use calibration::{
-    ExposureTable, MasterDark, NoiseModel, Photo, SensorNoise, exif_exposure_s, list_pictures,
+    CalibrationError, ExposureTable, MasterDark, NoiseModel, Photo, SensorNoise, exif_exposure_s,
+    list_pictures,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -47,9 +49,10 @@ pub(crate) fn exposures(
                 }
                 told
             }
-            None => exif_exposure_s(&path).map_err(|e| {
-                Failure::input(e)
-                    .hint("give a table of lines \"file-name seconds\" with --exposures")
+            None => exif_exposure_s(&path).map_err(|error| match error {
+                CalibrationError::NoExposure { .. } => Failure::input(error)
+                    .hint("give a table of lines \"file-name seconds\" with --exposures"),
+                _ => error.into(),
             })?,
         };
         out.push(Exposure { path, name, seconds });
@@ -63,12 +66,15 @@ pub(crate) fn response_bracket(exposures: &[Exposure]) -> Result<Vec<(Photo, f64
     exposures.iter().map(load).collect()
 }
 
-/// Dark frames of a folder, averaged by exposure time.
-pub(crate) fn master_darks(exposures: &[Exposure]) -> Result<Vec<MasterDark>, Failure> {
+/// Dark frames of a folder, read as the bracket that they are for, averaged by exposure time.
+pub(crate) fn master_darks(
+    exposures: &[Exposure],
+    reading: &Reading,
+) -> Result<Vec<MasterDark>, Failure> {
     let mut masters = Vec::new();
     for (_, frames) in by_time(exposures) {
         let seconds = frames.first().map_or(1.0, |e| e.seconds);
-        let photos = frames.iter().map(|e| Photo::load(&e.path).map_err(Failure::from));
+        let photos = frames.iter().map(|e| reading.photo(&e.path));
         masters.push(MasterDark::average(seconds, photos)?);
     }
     Ok(masters)

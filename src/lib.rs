@@ -8,6 +8,7 @@ mod failure;
 mod manifest;
 mod measurement;
 mod output;
+mod reading;
 mod report;
 mod session;
 mod steps;

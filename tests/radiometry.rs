@@ -1,6 +1,9 @@
 //! Response, noise and merge from the command line, on real and on made pictures.
 
 mod common;
+#[cfg(feature = "raw")]
+#[path = "../calibration/tests/common/dng.rs"]
+mod dng;
 
 use common::diaphane;
 use std::path::{Path, PathBuf};
@@ -185,4 +188,77 @@ fn exposure_times_that_contradict_are_told() {
     let told =
         if run.json["warnings"].is_array() { run.json["warnings"].to_string() } else { run.stderr };
     assert!(told.contains("IMG_26") && told.contains("EXIF"), "{told}");
+}
+
+/// Red, green and blue in codes a second above black.
+#[cfg(feature = "raw")]
+const RAW_LIGHT: [f64; 3] = [2_000.0, 5_000.0, 9_000.0];
+
+/// A DNG that was exposed for `exposure` seconds to `light` parts of the light above.
+#[cfg(feature = "raw")]
+fn raw_shot(path: &Path, exposure: (u32, u32), light: f64, colours: [u8; 4], white: u16) {
+    let seconds = f64::from(exposure.0) / f64::from(exposure.1);
+    let code = |i: usize| {
+        let colour = usize::from(colours[i / 16 % 2 * 2 + i % 2]);
+        let code = 512.0 + light * RAW_LIGHT[colour] * seconds;
+        code.round().min(f64::from(white)) as u16
+    };
+    let dng = dng::Dng {
+        width: 16,
+        height: 12,
+        codes: (0..16 * 12).map(code).collect(),
+        filter: (2, colours.to_vec()),
+        black: [512; 4],
+        white: white.into(),
+        active: [0, 0, 12, 16],
+        exposure,
+    };
+    std::fs::write(path, dng.bytes()).unwrap();
+}
+
+#[cfg(feature = "raw")]
+#[test]
+fn raw_files_merge_as_they_are() {
+    const GBRG: [u8; 4] = [1, 2, 0, 1];
+    let folder = tempdir().unwrap();
+    let [photos, darks] = ["photos", "darks"].map(|name| folder.path().join(name));
+    for (dir, light) in [(&photos, 1.0), (&darks, 0.0)] {
+        std::fs::create_dir(dir).unwrap();
+        for (name, exposure) in [("a", (1, 8)), ("b", (1, 2)), ("c", (2, 1))] {
+            raw_shot(&dir.join(format!("{name}.dng")), exposure, light, GBRG, 16_383);
+        }
+    }
+    let exr = folder.path().join("out.exr");
+    let merge = ["merge", "--images", text(&photos), "--output", text(&exr), "--force"];
+    let with = |more: &[&str]| diaphane(merge.iter().chain(more));
+    for more in [&[][..], &["--darks", text(&darks)], &["--bayer", "gbrg"]] {
+        let run = with(more);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+        assert_eq!(run.json["response_identity"], true);
+        let image = calibration::read_exr(&exr).unwrap();
+        assert_eq!((image.width, image.height, image.channels), (8, 6, 3));
+        for pixel in image.radiance.chunks_exact(3) {
+            for (found, made) in pixel.iter().zip(RAW_LIGHT) {
+                let found = f64::from(*found) * 65_535.0;
+                // Half a code in the 250 that the shortest exposure has of red is 0.2 %.
+                assert!((found / made - 1.0).abs() < 0.002, "{more:?}: {found} instead of {made}");
+            }
+        }
+    }
+    let refused = |more: &[&str], words: &str| {
+        let run = with(more);
+        assert_eq!(run.code, 2, "{}", run.stderr);
+        let error = run.json["error"].as_str().unwrap_or_default().to_owned() + &run.stderr;
+        assert!(error.contains(words), "{words}: {error}");
+    };
+    refused(&["--bayer", "rggb"], "--bayer");
+    refused(&["--response", "none.json"], "linear");
+    // Another ISO setting, another white.
+    raw_shot(&photos.join("d.dng"), (4, 1), 1.0, GBRG, 15_000);
+    refused(&[], "d.dng");
+    let whole = std::fs::read(photos.join("c.dng")).unwrap();
+    std::fs::write(photos.join("d.dng"), &whole[..whole.len() / 2]).unwrap();
+    refused(&[], "d.dng");
+    std::fs::write(photos.join("d.dng"), "notes about the raw files\n").unwrap();
+    refused(&[], "d.dng");
 }

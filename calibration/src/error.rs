@@ -29,7 +29,7 @@ pub enum CalibrationError {
         found: String,
     },
     /// A folder without a single picture.
-    #[error("{path}: expected pictures (png, jpg, tif), found none")]
+    #[error("{path}: expected pictures (png, jpg, tif, dng, cr2, cr3, nef, arw), found none")]
     NoPictures {
         /// The folder.
         path: PathBuf,

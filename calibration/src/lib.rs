@@ -65,6 +65,7 @@ pub use radiometry::noise::NoiseModel;
 pub use radiometry::projector_light::{
     ChannelLight, ProjectorFlatField, ProjectorLight, measure_projector_light,
 };
+pub use radiometry::raw::{RawPhoto, is_raw, read_raw};
 pub use radiometry::response::{KNOTS, Response};
 pub use radiometry::transfer::{Estimate, PhotonTransfer, SensorNoise, TransferPoint};
 pub use structured_light::corners::{LitCorner, light_corners};

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use image::DynamicImage;
 
 use crate::error::{CalibrationError, Result};
+use crate::radiometry::raw::{is_raw, read_raw};
 
 /// A picture: `width × height` pixels of `channels` (1 grey or 3 RGB) integer codes.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +25,8 @@ pub struct Photo {
 }
 
 impl Photo {
-    /// Reads a PNG, JPEG or TIFF of 8 or 16 bits; alpha is dropped, floats are refused.
+    /// Reads a PNG, JPEG or TIFF of 8 or 16 bits; alpha is dropped, floats are refused, and so
+    /// are camera raw files, which are no pictures yet.
     ///
     /// # Errors
     /// Names the file when it is missing, truncated, corrupt or of another kind.
@@ -36,6 +38,9 @@ impl Photo {
             expected: "a whole PNG, JPEG or TIFF picture of 8 or 16 bits".into(),
             found,
         };
+        if is_raw(path) {
+            return Err(bad("a camera raw file, to be developed or merged first".into()));
+        }
         if jpeg_is_truncated(&bytes) {
             return Err(bad("a JPEG that ends before its end marker (truncated)".into()));
         }
@@ -43,6 +48,16 @@ impl Photo {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         Self::from_image(picture, name)
             .ok_or_else(|| bad("an empty picture or one of floating-point pixels".into()))
+    }
+
+    /// Reads what is measured rather than looked at: a picture as [`Self::load`] does, or a camera
+    /// raw file as the mosaic of its codes.
+    ///
+    /// # Errors
+    /// As [`Self::load`] and [`read_raw`].
+    pub fn load_codes(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        if is_raw(path) { Ok(read_raw(path)?.photo) } else { Self::load(path) }
     }
 
     fn from_image(picture: DynamicImage, name: String) -> Option<Self> {
@@ -158,7 +173,8 @@ fn jpeg_is_truncated(bytes: &[u8]) -> bool {
 /// The pictures in a folder by file name, sorted; sub-folders are not entered.
 ///
 /// # Errors
-/// The folder is missing or holds no png, jpg, jpeg, tif or tiff.
+/// The folder is missing or holds no png, jpg, jpeg, tif, tiff or camera raw file, or raw files
+/// beside others: cameras write both of one exposure, which must not count twice.
 pub fn list_pictures(dir: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let dir = dir.as_ref();
     let mut pictures = Vec::new();
@@ -168,7 +184,7 @@ pub fn list_pictures(dir: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
             let extension = extension.to_string_lossy().to_ascii_lowercase();
             ["png", "jpg", "jpeg", "tif", "tiff"].contains(&extension.as_str())
         });
-        if known && path.is_file() {
+        if (known || is_raw(&path)) && path.is_file() {
             pictures.push(path);
         }
     }
@@ -176,5 +192,14 @@ pub fn list_pictures(dir: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
         return Err(CalibrationError::NoPictures { path: dir.to_path_buf() });
     }
     pictures.sort();
+    let raw = pictures.iter().find(|path| is_raw(path));
+    let other = pictures.iter().find(|path| !is_raw(path));
+    if let (Some(raw), Some(other)) = (raw, other) {
+        return Err(CalibrationError::BadFile {
+            path: dir.to_path_buf(),
+            expected: "either camera raw files or other pictures".into(),
+            found: format!("{} beside {}", raw.display(), other.display()),
+        });
+    }
     Ok(pictures)
 }

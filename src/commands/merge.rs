@@ -16,13 +16,13 @@ use std::sync::atomic::Ordering;
 /// Merge brackets to radiance: those of a session, or any folder of photographs
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  diaphane merge my-wax\n  diaphane merge --images photos --output photos.exr\n  diaphane merge --images raw --exposures times.txt --bayer gbrg --darks darks --noise noise.json"
+    after_help = "Examples:\n  diaphane merge my-wax\n  diaphane merge --images photos --output photos.exr\n  diaphane merge --images dng --darks dng-darks\n  diaphane merge --images raw --exposures times.txt --bayer gbrg --darks darks --noise noise.json"
 )]
 pub(crate) struct Args {
     /// Folder of the session
     #[arg(required_unless_present = "images", conflicts_with = "images")]
     session: Option<PathBuf>,
-    /// A folder of photographs of one still scene
+    /// A folder of photographs of one still scene: PNG, JPEG, TIFF, or camera raw files (DNG, CR2, CR3, NEF, ARW), which come out at half the width and height
     #[arg(long)]
     pub images: Option<PathBuf>,
     /// Exposure times, where EXIF does not tell: lines of "file-name seconds"
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// The photographs are linear: nothing is to be recovered
     #[arg(long, requires = "images", conflicts_with = "response")]
     pub linear: bool,
-    /// Pattern of colour sites of linear mosaics: rggb, bggr, grbg or gbrg
+    /// Pattern of colour sites of linear mosaics: rggb, bggr, grbg or gbrg; raw files carry theirs
     #[arg(long, requires = "images", conflicts_with = "response")]
     pub bayer: Option<String>,
     /// A folder of dark frames to subtract, their times as those of the photographs

@@ -4,9 +4,10 @@ use super::merge::Args;
 use crate::Failure;
 use crate::exposures::{Exposure, exposures, master_darks, read_noise, response_bracket};
 use crate::output::{Done, Progress};
+use crate::reading::Reading;
 use calibration::{
     Bayer, Brightness, ExposureTable, ExrPrecision, FlatField, HdrImage, MergeReport, Merger,
-    NoiseModel, Photo, Response, check_brightness, list_pictures, recover_response,
+    NoiseModel, Response, check_brightness, list_pictures, recover_response,
     recover_response_above, write_exr_as,
 };
 use material::Overwrite;
@@ -21,12 +22,12 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
     if overwrite == Overwrite::Refuse && output.symlink_metadata().is_ok() {
         return Err(material::FileError::Exists { path: output }.into());
     }
-    let bayer = args.bayer.as_deref().map(Bayer::parse).transpose()?;
+    let asked = args.bayer.as_deref().map(Bayer::parse).transpose()?;
     let Some(one) = bracket.first() else {
         return Err(Failure::input(format!("{}: no photographs", images.display())));
     };
-    // Its shape is all that is needed.
-    let first = Photo { data: Vec::new(), ..Photo::load(&one.path)? };
+    let reading = Reading::of(&one.path)?;
+    let bayer = reading.bayer(asked)?;
     if bracket.len() < 2 {
         return Err(Failure::input(format!(
             "{}: expected at least two exposures, found {}",
@@ -34,12 +35,10 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
             bracket.len()
         )));
     }
-    let noise = match &args.noise {
-        Some(path) => read_noise(path)?,
-        None => NoiseModel::for_max_value(first.max_value),
-    };
-    let response = response(&bracket, args, bayer, &first, &noise)?;
-    let (image, report) = merged(&bracket, args, table.as_ref(), &response, &noise, &mut warnings)?;
+    let noise = reading.noise(args.noise.as_deref().map(read_noise).transpose()?);
+    let response = response(&bracket, args, bayer, &reading, &noise)?;
+    let (image, report) =
+        merged(&bracket, args, table.as_ref(), &reading, &response, &noise, &mut warnings)?;
     let image = match bayer {
         Some(bayer) => bayer.quads(&image)?,
         None => image,
@@ -122,10 +121,14 @@ fn response(
     bracket: &[Exposure],
     args: &Args,
     bayer: Option<Bayer>,
-    first: &Photo,
+    reading: &Reading,
     noise: &NoiseModel,
 ) -> Result<Response, Failure> {
     if let Some(path) = &args.response {
+        if reading.sensor.is_some() {
+            let error = format!("--response: {} is a raw file, and linear", reading.first.name);
+            return Err(Failure::input(error).hint("leave --response out"));
+        }
         let told = path.display();
         let text = std::fs::read_to_string(path)
             .map_err(|e| Failure::input(format!("{told}: cannot be read: {e}")))?;
@@ -135,7 +138,7 @@ fn response(
         });
     }
     if args.linear || bayer.is_some() {
-        return Ok(Response::identity(first.channels));
+        return Ok(Response::identity(reading.first.channels));
     }
     let frames = response_bracket(bracket)?;
     Ok(if noise.black_level > 0.0 {
@@ -149,6 +152,7 @@ fn merged(
     bracket: &[Exposure],
     args: &Args,
     table: Option<&ExposureTable>,
+    reading: &Reading,
     response: &Response,
     noise: &NoiseModel,
     warnings: &mut Vec<String>,
@@ -158,18 +162,18 @@ fn merged(
     let folder = beside.or(args.images.as_deref()).unwrap_or(Path::new("."));
     let mut merger = Merger::new(response, noise)?.spool_in(folder);
     if let Some(darks) = &args.darks {
-        merger = merger.with_darks(master_darks(&exposures(darks, table, warnings)?)?)?;
+        merger = merger.with_darks(master_darks(&exposures(darks, table, warnings)?, reading)?)?;
     }
     if let Some(flats) = &args.flats {
         let pictures = list_pictures(flats)?;
-        let photos = pictures.iter().map(|path| Photo::load(path).map_err(Failure::from));
+        let photos = pictures.iter().map(|path| reading.photo(path));
         merger = merger.with_flat(FlatField::average(photos, None, response, noise)?);
     }
     let mut progress = Progress::new("read", bracket.len());
     let mut seen = Vec::new();
     for (done, exposure) in bracket.iter().enumerate() {
         progress.set(done, &exposure.name);
-        let photo = Photo::load(&exposure.path)?;
+        let photo = reading.photo(&exposure.path)?;
         seen.push(Brightness::of(&photo, exposure.seconds));
         merger.add(photo, exposure.seconds)?;
     }

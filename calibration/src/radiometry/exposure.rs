@@ -6,8 +6,9 @@ use std::path::Path;
 use exif::{In, Tag, Value};
 
 use crate::error::{CalibrationError, Result};
+use crate::radiometry::raw::{is_raw, raw_exposure_s};
 
-/// The exposure time in seconds that a camera wrote into its JPEG or TIFF.
+/// The exposure time in seconds that a camera wrote into its JPEG, TIFF or raw file.
 ///
 /// # Errors
 /// The file is unreadable, has no EXIF data, or no positive exposure time in it.
@@ -15,6 +16,10 @@ pub fn exif_exposure_s(path: impl AsRef<Path>) -> Result<f64> {
     let path = path.as_ref();
     let missing =
         |reason: String| CalibrationError::NoExposure { path: path.to_path_buf(), reason };
+    if is_raw(path) {
+        let noted = raw_exposure_s(path)?;
+        return noted.ok_or_else(|| missing("no positive ExposureTime field".into()));
+    }
     let file = std::fs::File::open(path).map_err(CalibrationError::io(path))?;
     let data = exif::Reader::new()
         .read_from_container(&mut std::io::BufReader::new(file))

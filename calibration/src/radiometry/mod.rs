@@ -13,6 +13,7 @@ pub(crate) mod merge;
 pub(crate) mod mosaic;
 pub(crate) mod noise;
 pub(crate) mod projector_light;
+pub(crate) mod raw;
 pub(crate) mod response;
 pub(crate) mod spool;
 pub(crate) mod transfer;

@@ -3,7 +3,9 @@
 use crate::Failure;
 use crate::exposures::{by_time, exposures};
 use crate::output::Done;
-use calibration::{Estimate, ExposureTable, Photo, PhotonTransfer, list_pictures};
+use calibration::{
+    Estimate, ExposureTable, Photo, PhotonTransfer, is_raw, list_pictures, read_raw,
+};
 use material::{Overwrite, atomic_write};
 use serde_json::json;
 use std::io::Write as _;
@@ -27,7 +29,7 @@ pub(crate) struct Args {
     /// Exposure times of the dark frames, where EXIF does not tell: lines of "file-name seconds"
     #[arg(long)]
     exposures: Option<PathBuf>,
-    /// Code from which on the sensor is full, DN; full scale if not given
+    /// Code from which on the sensor is full, DN; if not given, full scale, or white as raw files have it
     #[arg(long)]
     saturation: Option<f64>,
     /// The noise model to write; noise.json beside the flat frames if not given
@@ -41,12 +43,17 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let mut warnings = Vec::new();
-    let mut transfer = PhotonTransfer::new(args.saturation);
-    for pair in list_pictures(&args.flats)?.chunks(2) {
+    let flats = list_pictures(&args.flats)?;
+    let saturation = match (args.saturation, flats.first().filter(|path| is_raw(path))) {
+        (None, Some(raw)) => Some(f64::from(read_raw(raw)?.white_level)),
+        (told, _) => told,
+    };
+    let mut transfer = PhotonTransfer::new(saturation);
+    for pair in flats.chunks(2) {
         let [one, other] = pair else {
             return Err(alone(&pair[0], "flat frame"));
         };
-        transfer.add_flats(&Photo::load(one)?, &Photo::load(other)?)?;
+        transfer.add_flats(&Photo::load_codes(one)?, &Photo::load_codes(other)?)?;
     }
     let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
     let darks = exposures(&args.darks, table.as_ref(), &mut warnings)?;
@@ -56,7 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         }
         for pair in frames.chunks_exact(2) {
             let [one, other] = [pair[0], pair[1]];
-            let photos = [Photo::load(&one.path)?, Photo::load(&other.path)?];
+            let photos = [Photo::load_codes(&one.path)?, Photo::load_codes(&other.path)?];
             transfer.add_darks(&photos[0], &photos[1], one.seconds)?;
         }
     }
