@@ -131,7 +131,7 @@ impl Adjustment<'_> {
 
     /// [`Self::settle`]; where some residuals are far beyond the scatter of the others, solves
     /// robustly, leaves them out, and settles again.
-    fn weed(&mut self) -> Result<()> {
+    pub fn weed(&mut self) -> Result<()> {
         self.settle()?;
         let plain = self.sigma;
         self.sigma = bundle::robust_sigma(&self.problem(f64::INFINITY), &self.state);

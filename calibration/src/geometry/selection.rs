@@ -16,6 +16,10 @@ const FOLDS: usize = 8;
 /// gets in by chance.
 const SUPPORT: f64 = 2.0;
 
+/// The distortion under which outliers are looked for before any is chosen: no lens is so far from
+/// it that its good points are taken for outliers, and it is determined by few views.
+const RICH: Distortion = Distortion::K1K2P1P2;
+
 /// Fewest views for holding one out: the others must still make a calibration.
 const FEWEST_TO_HOLD_OUT: usize = 4;
 
@@ -69,6 +73,12 @@ pub(crate) fn choose(
                 pixel: [x, y],
             }),
         };
+    }
+    // One corner in the wrong place would outweigh what the distortions differ by.
+    let mut rich = fit.clone();
+    set(&mut rich.free, RICH);
+    if rich.weed().is_ok() {
+        fit.left_out = rich.left_out;
     }
     let mut trials = Vec::new();
     let mut standing: Vec<(Distortion, Adjustment<'_>, Option<Vec<f64>>)> = Vec::new();
