@@ -1,26 +1,16 @@
 //! Response, noise and merge from the command line, on real and on made pictures.
 
 mod common;
+#[path = "common/data.rs"]
+mod data;
 #[cfg(feature = "raw")]
 #[path = "../calibration/tests/common/dng.rs"]
 mod dng;
 
 use common::diaphane;
-use std::path::{Path, PathBuf};
+use data::data;
+use std::path::Path;
 use tempfile::tempdir;
-
-fn data(folder: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("DIAPHANE_TEST_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(folder);
-    if path.is_dir() {
-        return Some(path);
-    }
-    println!("SKIPPED: {} is not there (DIAPHANE_TEST_DATA)", path.display());
-    None
-}
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()

@@ -3,25 +3,11 @@
 //! `hdr/frobisher` (a bracket of JPEGs with EXIF); without it these tests say that they skip.
 
 mod common;
+#[path = "common/data.rs"]
+mod data;
 
 use common::diaphane;
-use std::path::{Path, PathBuf};
-
-fn data(folder: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("DIAPHANE_TEST_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join(folder);
-    if path.is_dir() {
-        return Some(path);
-    }
-    println!(
-        "SKIPPED: {} is not there (DIAPHANE_TEST_DATA names the folder of test data)",
-        path.display()
-    );
-    None
-}
+use data::data;
 
 /// OpenCV's tutorials reach 0.41 px here and lose corners in two views; mrcal, with a bent board,
 /// 0.1875 px and 0.26 px in the worst view.

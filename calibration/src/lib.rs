@@ -11,6 +11,7 @@ mod detection;
 mod error;
 mod formats;
 mod geometry;
+mod median;
 mod photo;
 mod radiometry;
 mod structured_light;
@@ -68,6 +69,6 @@ pub use radiometry::projector_light::{
 pub use radiometry::raw::{RawPhoto, is_raw, read_raw};
 pub use radiometry::response::{KNOTS, Response};
 pub use radiometry::transfer::{Estimate, PhotonTransfer, SensorNoise, TransferPoint};
-pub use structured_light::corners::{LitCorner, light_corners};
+pub use structured_light::corners::{LitCorner, coded_corners, light_corners};
 pub use structured_light::decode::{CodeMap, Decoded, decode};
 pub use structured_light::layout::{CodeLayout, CodePicture, PhaseShift};

@@ -1,6 +1,7 @@
 //! A code shown by the simulated projector and read from the simulated camera's pictures, against
 //! the simulator's own geometry.
 
+use crate::photo_of;
 use crate::targets::{FlatTarget, square_mm};
 use crate::{BOARD_COLUMNS, BOARD_ROWS, Imperfections, SampleKind, SampleSpec, SimulatedRig};
 use calibration::{CodeLayout, Photo, decode, light_corners};
@@ -21,15 +22,7 @@ fn misses(lit: Face, phase: Option<PhaseShift>, imperfections: &Imperfections) -
     let photo = |(i, pattern): (usize, &rig::Pattern)| {
         rig.projector.show(&pattern.render(width, height, None).unwrap()).unwrap();
         rig.camera.announce(i, 0);
-        let frame = rig.camera.expose(1.0 / 30.0).unwrap();
-        Photo {
-            width: frame.width as usize,
-            height: frame.height as usize,
-            channels: 3,
-            max_value: frame.max_value(),
-            data: frame.data,
-            name: format!("{pattern:?}"),
-        }
+        photo_of(rig.camera.expose(1.0 / 30.0).unwrap(), format!("{pattern:?}"))
     };
     let pictures: Vec<Photo> = patterns.iter().enumerate().map(photo).collect();
     let projector = setup.projector.size.map(|n| n as usize);

@@ -22,3 +22,16 @@ pub use sample::{SampleKind, SampleSpec};
 pub use sensor::{ResponseCurve, Sensor};
 pub use simulated_rig::{SimulatedRig, Truth};
 pub use targets::{BOARD_COLUMNS, BOARD_ROWS, ChartPatch, chart_patches};
+
+/// A frame as `calibration` takes it.
+#[cfg(test)]
+fn photo_of(frame: rig::Frame, name: String) -> calibration::Photo {
+    calibration::Photo {
+        width: frame.width as usize,
+        height: frame.height as usize,
+        channels: 3,
+        max_value: frame.max_value(),
+        data: frame.data,
+        name,
+    }
+}

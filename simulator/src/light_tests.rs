@@ -1,5 +1,6 @@
 //! The projector's light as `calibration` measures it, against what the simulator makes it.
 
+use crate::photo_of;
 use crate::{ColourWheel, Imperfections, Lamp, ProjectorResponse, ResponseCurve};
 use crate::{SampleKind, SampleSpec, SimulatedRig};
 use calibration::{
@@ -18,15 +19,7 @@ fn rig(imperfections: Imperfections) -> Rig {
 /// Frame `number` of a plan.
 fn photo(rig: &mut Rig, number: usize, repeat: u32, exposure_s: f64) -> Photo {
     rig.camera.announce(number, repeat);
-    let frame = rig.camera.expose(exposure_s).unwrap();
-    Photo {
-        width: frame.width as usize,
-        height: frame.height as usize,
-        channels: 3,
-        max_value: frame.max_value(),
-        data: frame.data,
-        name: format!("frame {number}"),
-    }
+    photo_of(rig.camera.expose(exposure_s).unwrap(), format!("frame {number}"))
 }
 
 fn show(rig: &mut Rig, level: f64) {

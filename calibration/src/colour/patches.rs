@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cv;
 use crate::error::Result;
+use crate::median::median;
 use crate::radiometry::hdr::HdrImage;
 
 /// One patch of the chart in the picture.
@@ -94,9 +95,9 @@ impl Chart {
         };
         for (c, mut list) in values.into_iter().enumerate() {
             let n = list.len().max(1) as f64;
-            let middle = median(&mut list);
+            let middle = median(&mut list).unwrap_or(f64::NAN);
             list.iter_mut().for_each(|v| *v = (*v - middle).abs());
-            let deviation = median(&mut list);
+            let deviation = median(&mut list).unwrap_or(f64::NAN);
             patch.radiance[c] = middle;
             // A normal sample's median scatters π/2 as much (in variance) as its mean; its
             // standard deviation is 1.4826 median absolute deviations.
@@ -134,12 +135,6 @@ impl Chart {
                 .fold(f64::INFINITY, f64::min);
             filled.push(darkest / beside);
         }
-        median(&mut filled)
+        median(&mut filled).unwrap_or(f64::NAN)
     }
-}
-
-/// The median, NaN for nothing.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

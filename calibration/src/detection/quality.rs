@@ -6,6 +6,7 @@ use crate::detection::board::Board;
 use crate::detection::found::SeenCorner;
 use crate::detection::missing::NoBoard;
 use crate::detection::neighbours::Grid;
+use crate::median::median;
 use crate::photo::Photo;
 
 /// How good the picture of a board is: cheap enough to tell while the technician still stands
@@ -66,15 +67,16 @@ impl BoardQuality {
     pub(crate) fn measure(photo: &Photo, board: &Board, corners: &[SeenCorner]) -> Self {
         let grid = Grid::new(board, corners);
         let edges = Edges::measure(photo, board, &grid, corners);
+        let middle = |mut values: Vec<f64>| median(&mut values).unwrap_or(f64::NAN);
         let pixels: Vec<[f64; 2]> = corners.iter().map(|c| c.pixel).collect();
         let extreme = |axis: usize, start: f64, pick: fn(f64, f64) -> f64| {
             pixels.iter().map(|p| p[axis]).fold(start, pick)
         };
         let square_px = corners.iter().map(|c| grid.nearest(c.index)).fold(f64::INFINITY, f64::min);
         Self {
-            edge_width_px: median(edges.widths),
+            edge_width_px: middle(edges.widths),
             square_px: if square_px.is_finite() { square_px } else { f64::NAN },
-            contrast: median(edges.light) - median(edges.dark),
+            contrast: middle(edges.light) - middle(edges.dark),
             clipped_share: edges.clipped as f64 / edges.samples.max(1) as f64,
             bounds_px: [
                 extreme(0, f64::INFINITY, f64::min),
@@ -249,10 +251,4 @@ fn hull_area(mut points: Vec<[f64; 2]>) -> f64 {
     let twice: f64 =
         (0..hull.len()).map(|i| hull[i][0] * next(i)[1] - hull[i][1] * next(i)[0]).sum();
     twice.abs() / 2.0
-}
-
-/// The median, NaN for nothing.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -117,7 +117,7 @@ pub(crate) fn choose(
         return Err(CalibrationError::NotConverged { what: fit.what, reason: reasons.join("; ") });
     };
     let (distortion, solved, _) = standing.swap_remove(best);
-    *fit = Adjustment { views: fit.views, ..solved };
+    *fit = solved;
     Ok(Selection { distortion, trials })
 }
 

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::rig_view::CodedCorner;
 use crate::structured_light::decode::{CodeMap, Decoded};
 use crate::structured_light::homography::{Equation, LocalFit, fit};
 use crate::structured_light::steps::StepMap;
@@ -44,6 +45,17 @@ const LEAST_AGREEMENT: f64 = 0.6;
 /// `None` for a corner around which too little was decided, or whose surroundings are no plane.
 pub fn light_corners(decoded: &Decoded, corners: &[[f64; 2]]) -> Vec<Option<LitCorner>> {
     corners.par_iter().map(|&corner| light_corner(decoded, corner, corners)).collect()
+}
+
+/// [`light_corners`] of a board as a calibration takes them: those that have a projector pixel, by
+/// their number.
+pub fn coded_corners(decoded: &Decoded, corners: &[[f64; 2]]) -> Vec<CodedCorner> {
+    let lit = light_corners(decoded, corners);
+    let coded = lit.iter().enumerate().filter_map(|(corner, lit)| {
+        let LitCorner { pixel: projector_px, slope, .. } = (*lit)?;
+        Some(CodedCorner { corner, projector_px, slope })
+    });
+    coded.collect()
 }
 
 fn light_corner(decoded: &Decoded, corner: [f64; 2], all: &[[f64; 2]]) -> Option<LitCorner> {

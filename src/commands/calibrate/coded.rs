@@ -3,7 +3,7 @@
 use super::all::frame_photo;
 use crate::Failure;
 use crate::session::Session;
-use calibration::{CodeLayout, CodedCorner, Photo, View, decode, light_corners};
+use calibration::{CodeLayout, CodedCorner, Photo, View, decode};
 use material::Face;
 use rig::CodeSequence;
 
@@ -17,12 +17,7 @@ pub(super) fn coded_corners(
     let photo = |i: usize| frame_photo(session, &format!("code-{number}-{i:02}"), 0);
     let pictures: Vec<Photo> = (0..code.patterns().len()).map(photo).collect::<Result<_, _>>()?;
     let decoded = decode(&layout(code, session.config.sample.lit_face)?, &pictures)?;
-    let lit = light_corners(&decoded, &board.image_points);
-    let coded = lit.iter().enumerate().filter_map(|(corner, lit)| {
-        let lit = lit.as_ref()?;
-        Some(CodedCorner { corner, projector_px: lit.pixel, slope: lit.slope })
-    });
-    Ok(coded.collect())
+    Ok(calibration::coded_corners(&decoded, &board.image_points))
 }
 
 fn layout(code: &CodeSequence, lit_face: Face) -> Result<CodeLayout, Failure> {

@@ -50,11 +50,11 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
                         Ok(Ok(word)) => eprintln!("  {:14} {word}", shot.name),
                         Ok(Err(why)) => {
                             eprintln!("  {:14} NO GOOD: {why}", shot.name);
-                            bad = Some((shot, why));
-                            stop.fetch_or(interactive, Ordering::Relaxed);
-                            if !interactive {
-                                complaints
-                                    .extend(bad.take().map(|(s, w)| format!("{}: {w}", s.name)));
+                            if interactive {
+                                bad = Some((shot, why));
+                                stop.store(true, Ordering::Relaxed);
+                            } else {
+                                complaints.push(format!("{}: {why}", shot.name));
                             }
                         }
                         Err(failure) => {

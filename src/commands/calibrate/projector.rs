@@ -7,8 +7,8 @@ use super::options::{
 use crate::Failure;
 use crate::output::{Done, Progress};
 use calibration::{
-    Board, CalibrationError, Choice, CodeLayout, CodePicture, CodedCorner, RigView,
-    calibrate_geometry, decode, light_corners,
+    Board, CalibrationError, Choice, CodeLayout, CodePicture, RigView, calibrate_geometry,
+    coded_corners, decode,
 };
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -180,12 +180,7 @@ fn look(
     let decoded = decode(layout, &pictures).map_err(|e| in_folder(name, e))?;
     let mut seen = board.view(white).map_err(|e| in_folder(name, e))?;
     seen.name = name.to_owned();
-    let lit = light_corners(&decoded, &seen.image_points);
-    let coded = lit.iter().enumerate().filter_map(|(corner, lit)| {
-        let lit = lit.as_ref()?;
-        Some(CodedCorner { corner, projector_px: lit.pixel, slope: lit.slope })
-    });
-    let coded = coded.collect();
+    let coded = coded_corners(&decoded, &seen.image_points);
     let size = [white.width, white.height];
     Ok((RigView { board: seen, coded, projected: Vec::new() }, size))
 }

@@ -1,5 +1,7 @@
 //! How residuals scatter, whatever a few of them do.
 
+use crate::median::median;
+
 use super::{KINDS, Problem, Residual, State, residuals};
 
 /// 1-sigma of one coordinate of each kind of residual from the median length, pixels; 1 where
@@ -12,12 +14,7 @@ pub(crate) fn robust_sigma(problem: &Problem<'_>, state: &State) -> [f64; KINDS]
         lengths[r.sight as usize].push(r.px[0].hypot(r.px[1]));
     }
     lengths.map(|mut lengths| {
-        if lengths.is_empty() {
-            return 1.0;
-        }
-        let middle = lengths.len() / 2;
-        let median = *lengths.select_nth_unstable_by(middle, f64::total_cmp).1;
-        (median / (2.0 * std::f64::consts::LN_2).sqrt()).max(1e-9)
+        median(&mut lengths).map_or(1.0, |m| (m / (2.0 * std::f64::consts::LN_2).sqrt()).max(1e-9))
     })
 }
 

@@ -7,6 +7,7 @@
 //! agree on is taken for a wrong exposure.
 
 use super::sensor::Channel;
+use crate::median::median;
 
 /// Signal over noise that a sample must have in the darker exposure, so that choosing samples by
 /// brightness does not pull the ratio.
@@ -99,14 +100,6 @@ fn class_step(pairs: &[Pair], nominal: f64) -> Option<(f64, f64)> {
         (short, long, kept) = (short + pair.short, long + pair.long, kept + 1.0);
     }
     (long > 0.0).then(|| (short / long / nominal, sigma * sigma / kept))
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Mean of estimates whose true values scatter (DerSimonian & Laird 1986, eq. 8), and its sigma.
