@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
+use rayon::prelude::*;
 
 use crate::error::{CalibrationError, Result};
 use crate::radiometry::raw::{is_raw, read_raw};
@@ -144,7 +145,8 @@ impl Photo {
 
     /// Fails unless `data` really has the promised number of samples, none beyond full scale.
     pub(crate) fn check(&self) -> Result<()> {
-        let largest = self.data.iter().copied().max().unwrap_or(0);
+        let largest_of = |part: &[u16]| part.iter().copied().max();
+        let largest = self.data.par_chunks(1 << 17).filter_map(largest_of).max().unwrap_or(0);
         let shaped = self.data.len() == self.samples() && matches!(self.channels, 1 | 3);
         let scaled = matches!(self.max_value, 255 | u16::MAX) && largest <= self.max_value;
         if shaped && scaled && !self.data.is_empty() {

@@ -16,14 +16,11 @@ use crate::radiometry::bounded::least_quadratic;
 use crate::radiometry::brightness::{Brightness, check_brightness};
 use crate::radiometry::knots::{curvature, from_increments, in_increments, turns};
 use crate::radiometry::response::{KNOTS, Response};
+use crate::radiometry::sights::{Pixels, Sight, look};
 
 /// Smallest rise of g = ln exposure from one knot to the next: an eighth of what a linear sensor
 /// has from one code to the next at full scale.
 const SMALLEST_RISE: f64 = 1.0 / (8.0 * 255.0);
-
-/// Pixels taken for each of 256 codes, over all pictures: enough to average noise, few enough
-/// for dark corners to count as much as the sky.
-const PIXELS_PER_CODE: usize = 600;
 
 /// Decades of smoothness that are tried, times four.
 const LEAST_SMOOTH: i32 = -32;
@@ -254,13 +251,12 @@ struct Fit {
 }
 
 /// g at all codes, g(0) = 0, with the smoothness that cross-validation allows.
-fn fit_curve(pixels: &[Vec<Sight>], even: bool, from: i32) -> Result<Fit> {
-    let halves = [0, 1].map(|side| normal_equations(pixels.iter().skip(side).step_by(2)));
+fn fit_curve(pixels: &Pixels, even: bool, from: i32) -> Result<Fit> {
+    let (one, two) = rayon::join(|| normal_equations(pixels, 0), || normal_equations(pixels, 1));
     let bend = curvature();
     let solve = |h: &DMatrix<f64>, b: &DVector<f64>, weight: f64, smooth: f64| {
         least_quadratic(&(h / weight + &bend * smooth), &(b / weight), SMALLEST_RISE)
     };
-    let [one, two] = &halves;
     let whole = (&one.h + &two.h, &one.b + &two.b, one.weight + two.weight);
     let mut best: Option<(f64, i32, DVector<f64>)> = None;
     for power in (LEAST_SMOOTH..=from).rev() {
@@ -270,7 +266,7 @@ fn fit_curve(pixels: &[Vec<Sight>], even: bool, from: i32) -> Result<Fit> {
             break;
         }
         let mut error = 0.0;
-        for (fitted, held_out) in [(one, two), (two, one)] {
+        for (fitted, held_out) in [(&one, &two), (&two, &one)] {
             error += held_out.mean_square(&solve(&fitted.h, &fitted.b, fitted.weight, smooth)?);
         }
         // Below the best smoothness held-out pixels only get worse.
@@ -289,125 +285,63 @@ fn fit_curve(pixels: &[Vec<Sight>], even: bool, from: i32) -> Result<Fit> {
     Ok(Fit { curve: from_increments(&d), power })
 }
 
-/// One exposure's view of one pixel.
-struct Sight {
-    /// The two knots around its code and the code's share in each.
-    knots: [(usize, f64); 2],
-    /// By where its code stands in the range.
-    trust: f64,
-    /// Trust, less if the sight disagrees with its pixel's others.
-    weight: f64,
-    log_time: f64,
-}
-
-/// The chosen pixels that at least two exposures see.
-fn look(bracket: &[(Photo, f64)], channel: usize) -> Vec<Vec<Sight>> {
-    let logs: Vec<f64> = bracket.iter().map(|(_, time)| time.ln()).collect();
-    let sights = |pixel: usize| -> Vec<Sight> {
-        let seen = bracket.iter().zip(&logs).filter_map(|((photo, _), &log_time)| {
-            let code = f64::from(photo.data[pixel * photo.channels + channel]);
-            let full = f64::from(photo.max_value);
-            let trust = hat(code / full);
-            // Exact for 8 bits: every code is a knot, and the share of the other one is nothing.
-            let position = code * (KNOTS - 1) as f64 / full;
-            let k = (position as usize).min(KNOTS - 2);
-            let fraction = position - k as f64;
-            let knots = [(k, 1.0 - fraction), (k + 1, fraction)];
-            (trust > 0.0).then_some(Sight { knots, trust, weight: trust, log_time })
-        });
-        seen.collect()
-    };
-    choose_pixels(bracket, channel).into_iter().map(sights).filter(|s| s.len() > 1).collect()
-}
-
-/// Sums over pixels: Σ w (g(Z) − ln E − ln t)² with each pixel's best ln E put in.
-fn normal_equations<'a>(pixels: impl Iterator<Item = &'a Vec<Sight>>) -> Half {
+/// Sums over every other pixel: Σ w (g(Z) − ln E − ln t)² with each pixel's best ln E put in.
+fn normal_equations(pixels: &Pixels, side: usize) -> Half {
     let (mut h, mut b) = (DMatrix::zeros(KNOTS, KNOTS), DVector::zeros(KNOTS));
-    let (mut c, mut weight) = (0.0, 0.0);
-    for sights in pixels {
-        let total: f64 = sights.iter().map(|s| s.weight).sum();
-        let mean_log = sights.iter().map(|s| s.weight * s.log_time).sum::<f64>() / total;
-        for (i, one) in sights.iter().enumerate() {
-            let centred = one.log_time - mean_log;
-            c += one.weight * centred * centred;
-            weight += one.weight;
-            // Where codes are knots, as with 8 bits, one of the two has all.
-            for (k, share) in one.knots.into_iter().filter(|(_, share)| *share > 0.0) {
-                b[k] += one.weight * share * centred;
-                for (j, other) in sights.iter().enumerate() {
-                    let own = if i == j { one.weight } else { 0.0 };
-                    let pair = own - one.weight * other.weight / total;
-                    for (l, other_share) in other.knots.into_iter().filter(|k| k.1 > 0.0) {
-                        h[(k, l)] += pair * share * other_share;
-                    }
-                }
+    let (mut c, mut all, mut pulls) = (0.0, 0.0, Vec::new());
+    for range in pixels.ranges().skip(side).step_by(2) {
+        let sights = &pixels.sights[range];
+        let (mut total, mut mean_log) = (0.0, 0.0);
+        for sight in sights {
+            let weight = f64::from(sight.weight);
+            (total, mean_log) = (total + weight, mean_log + weight * sight.log_time);
+        }
+        mean_log /= total;
+        all += total;
+        // Each sight's own square, less the square of their mean: symmetric, so one half will do.
+        pulls.clear();
+        for sight in sights {
+            let centred = sight.log_time - mean_log;
+            let weight = f64::from(sight.weight);
+            c += weight * centred * centred;
+            let first = pulls.len();
+            for (k, share) in sight.knots() {
+                b[k] += weight * share * centred;
+                pulls.push((k, weight * share));
+                pulls[first..]
+                    .iter()
+                    .for_each(|&(l, pull)| h[(k.max(l), k.min(l))] += share * pull);
+            }
+        }
+        for (i, &(k, pull)) in pulls.iter().enumerate() {
+            for &(l, other) in &pulls[..=i] {
+                h[(k.max(l), k.min(l))] -= pull * other / total;
             }
         }
     }
+    h.fill_upper_triangle_with_lower_triangle();
     let (h, b) = in_increments(&h, &b);
-    Half { h, b, c, weight }
+    Half { h, b, c, weight: all }
 }
 
 /// Huber's weights (1964) from the residuals under a curve: what moved between the exposures or
 /// was smeared by compression pulls with bounded force.
-fn reweigh(pixels: &mut [Vec<Sight>], curve: &[f64]) {
-    let residuals = |sights: &[Sight]| -> Vec<f64> {
-        let logs: Vec<f64> = sights
-            .iter()
-            .map(|s| s.knots.iter().map(|&(k, share)| share * curve[k]).sum::<f64>() - s.log_time)
-            .collect();
-        let total: f64 = sights.iter().map(|s| s.weight).sum();
-        let mean = sights.iter().zip(&logs).map(|(s, l)| s.weight * l).sum::<f64>() / total;
-        logs.into_iter().map(|log| (log - mean).abs()).collect()
-    };
-    let mut all: Vec<f64> = pixels.iter().flat_map(|sights| residuals(sights)).collect();
-    let middle = all.len() / 2;
+fn reweigh(pixels: &mut Pixels, curve: &[f64]) {
+    let exposure = |s: &Sight| s.knots().map(|(k, share)| share * curve[k]).sum::<f64>();
+    let mut sizes: Vec<f64> =
+        pixels.sights.iter().map(|sight| exposure(sight) - sight.log_time).collect();
+    for range in pixels.ranges() {
+        let logs = &mut sizes[range.clone()];
+        let weights = pixels.sights[range].iter().map(|s| f64::from(s.weight));
+        let total: f64 = weights.clone().sum();
+        let mean = weights.zip(&*logs).map(|(w, log)| w * log).sum::<f64>() / total;
+        logs.iter_mut().for_each(|log| *log = (*log - mean).abs());
+    }
+    let mut sorted = sizes.clone();
+    let middle = sorted.len() / 2;
     // 1.345 sigma keeps 95 % of the efficiency where the noise is normal after all.
-    let limit = 1.345 * 1.4826 * *all.select_nth_unstable_by(middle, f64::total_cmp).1;
-    for sights in pixels {
-        let sizes = residuals(sights);
-        for (sight, size) in sights.iter_mut().zip(sizes) {
-            sight.weight = sight.trust * (limit / size.max(1e-12)).min(1.0);
-        }
+    let limit = 1.345 * 1.4826 * *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
+    for (sight, size) in pixels.sights.iter_mut().zip(sizes) {
+        sight.weight = sight.trust * (limit / size.max(1e-12)).min(1.0) as f32;
     }
-}
-
-/// Debevec's hat: trusts the middle of the range, ignores the ends.
-fn hat(code: f64) -> f64 {
-    // Within 2 % of either end clipping has eaten half of the noise.
-    if (0.02..=0.98).contains(&code) { code.min(1.0 - code) } else { 0.0 }
-}
-
-/// For each code of each picture the pixels with the least going on around them: away from
-/// edges, where a shake of the camera or blooming would mix exposures.
-fn choose_pixels(bracket: &[(Photo, f64)], channel: usize) -> Vec<usize> {
-    let mut chosen = Vec::new();
-    let each = PIXELS_PER_CODE.div_ceil(bracket.len());
-    for (photo, _) in bracket {
-        let (width, n) = (photo.width, photo.channels);
-        // About a million looked at in any picture is plenty.
-        let stride = (photo.width * photo.height / 1_000_000).max(1);
-        let code = |pixel: usize| i32::from(photo.data[pixel * n + channel]);
-        let mut by_code: Vec<Vec<(i32, usize)>> = vec![Vec::new(); KNOTS];
-        for y in 1..photo.height.saturating_sub(1) {
-            for x in (1 + y % stride..width.saturating_sub(1)).step_by(stride) {
-                let at = y * width + x;
-                let around =
-                    [at - 1, at + 1, at - width, at + width, at - width - 1, at + width + 1];
-                let unrest = around.iter().map(|&p| (code(p) - code(at)).abs()).sum();
-                let bin = code(at) as usize * (KNOTS - 1) / usize::from(photo.max_value);
-                by_code[bin].push((unrest, at));
-            }
-        }
-        for mut pixels in by_code {
-            if pixels.len() > each {
-                pixels.select_nth_unstable(each);
-                pixels.truncate(each);
-            }
-            chosen.extend(pixels.into_iter().map(|(_, at)| at));
-        }
-    }
-    chosen.sort_unstable();
-    chosen.dedup();
-    chosen
 }

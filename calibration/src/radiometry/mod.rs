@@ -15,5 +15,6 @@ pub(crate) mod noise;
 pub(crate) mod projector_light;
 pub(crate) mod raw;
 pub(crate) mod response;
+pub(crate) mod sights;
 pub(crate) mod spool;
 pub(crate) mod transfer;

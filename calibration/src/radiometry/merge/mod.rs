@@ -8,6 +8,7 @@ pub(crate) mod drift;
 mod sensor;
 mod solve;
 mod strips;
+mod tally;
 
 use std::path::Path;
 
@@ -169,22 +170,20 @@ impl<'a> Merger<'a> {
         let dark = self.dark_for(&photo, exposure_s)?;
         let codes = self.few_of(&photo.data, photo.channels);
         let each = self.few.len();
-        let few_dark = |i: usize| {
-            let channel = &self.channels[i / each];
-            match dark {
-                Dark::Even(exposure) => exposure,
-                Dark::Measured { masters: [a, b], share, .. } => {
-                    let (a, b) = (self.darks[a].0.few[i], self.darks[b].0.few[i]);
-                    channel.exposure_of(a + share * (b - a))
-                }
+        let few_dark = |channel: &Channel, i: usize| match dark {
+            Dark::Even(exposure) => exposure,
+            Dark::Measured { masters: [a, b], share, .. } => {
+                let (a, b) = (self.darks[a].0.few[i], self.darks[b].0.few[i]);
+                channel.exposure_of(a + share * (b - a))
             }
         };
-        let dark_few: Vec<f32> = (0..codes.len()).map(few_dark).collect();
-        let light = codes
-            .iter()
-            .enumerate()
-            .map(|(i, &code)| self.channels[i / each].exposure[usize::from(code)] - dark_few[i]);
-        let few = Few { time: exposure_s as f32, light: light.collect(), dark: dark_few };
+        let mut few = Few { time: exposure_s as f32, light: Vec::new(), dark: Vec::new() };
+        for (c, (codes, channel)) in codes.chunks(each).zip(&self.channels).enumerate() {
+            few.dark.extend((0..codes.len()).map(|l| few_dark(channel, c * each + l)));
+            let dark = &few.dark[c * each..];
+            let exposures = codes.iter().map(|code| channel.exposure[usize::from(*code)]);
+            few.light.extend(exposures.zip(dark).map(|(all, dark)| all - dark));
+        }
         let (name, codes) = (photo.name, self.spool.put(photo.data)?);
         self.frames.push(Frame { name, time: exposure_s, codes, dark, few });
         Ok(())
@@ -315,9 +314,9 @@ impl<'a> Merger<'a> {
 
     /// The few pixels' samples, channel after channel.
     fn few_of<T: Copy>(&self, data: &[T], channels: usize) -> Vec<T> {
-        (0..channels)
-            .flat_map(|c| self.few.iter().filter_map(move |p| data.get(p * channels + c).copied()))
-            .collect()
+        let pixels: Vec<&[T]> =
+            self.few.iter().filter_map(|p| data.get(p * channels..(p + 1) * channels)).collect();
+        (0..channels).flat_map(|c| pixels.iter().map(move |pixel| pixel[c])).collect()
     }
 }
 

@@ -11,7 +11,7 @@
 //! come from the mean of neighbours, whose error costs a little variance but biases nothing.
 
 use super::censored::{EDGE, hazard};
-use super::sensor::VarianceOf;
+use super::sensor::{MultiplyAdd, VarianceOf};
 
 /// Samples that are worked on side by side: a multiple of every vector register's width, few
 /// enough for sixteen frames of them to stay in the first cache.
@@ -24,9 +24,9 @@ const MOST: usize = 10;
 /// its step, times the relative noise once more.
 const SETTLED: f32 = 2.5e-5;
 
-/// The variance of a curved response is looked up anew when a sample has moved by more than the
-/// table's step.
-const STEP_OF_TABLE: f32 = 0.02;
+/// The variance of a curved response is looked up anew when a sample has moved by more than two
+/// steps of the table: weights that are wrong by w cost the share w² of the information.
+const STEP_OF_TABLE: f32 = 0.04;
 
 /// Neighbours whose mean guides the weights in the dark: a power of two.
 const NEIGHBOURS: usize = 16;
@@ -47,7 +47,7 @@ pub(super) struct Exposures {
     pub dark: [f32; LANES],
     /// Variance of `dark`.
     pub dark_variance: f32,
-    /// Variance of each sample without the photons'.
+    /// Variance of each sample without the photons' and that of `dark`.
     constant: [f32; LANES],
     clipped: Clipped,
 }
@@ -98,7 +98,7 @@ impl Solved {
 /// Solves all lanes; samples are clipped from the exposure `clipped` on, `like` lanes further
 /// is the next one of the same colour.
 #[inline(always)]
-pub(super) fn solve<V: VarianceOf>(
+pub(super) fn solve<V: VarianceOf, F: MultiplyAdd>(
     frames: &mut [Exposures],
     noise: V,
     clipped: f32,
@@ -111,7 +111,7 @@ pub(super) fn solve<V: VarianceOf>(
         if !V::EVEN && (round == 0 || has_moved(out)) {
             look_up(frames, noise, out);
         }
-        if iterate(frames, noise, clipped, out) {
+        if iterate::<V, F>(frames, noise, clipped, out) {
             break;
         }
         find_guide(like, out);
@@ -128,8 +128,18 @@ fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
     for frame in frames {
         let per_time = 1.0 / frame.time;
         let mut open = 0_u32;
+        frame.x.iter().for_each(|x| open += u32::from(*x < clipped));
+        if open == LANES as u32 {
+            frame.clipped = Clipped::None;
+            for l in 0..LANES {
+                light[l] += frame.x[l] - frame.dark[l];
+                time[l] += frame.time;
+                out.freedom[l] += 1.0;
+            }
+            continue;
+        }
+        frame.clipped = if open == 0 { Clipped::All } else { Clipped::Some };
         for l in 0..LANES {
-            open += u32::from(frame.x[l] < clipped);
             let counts = if frame.x[l] < clipped { 1.0 } else { 0.0 };
             let seen = frame.x[l] - frame.dark[l];
             light[l] += counts * seen;
@@ -137,13 +147,6 @@ fn start(frames: &mut [Exposures], clipped: f32, out: &mut Solved) {
             out.freedom[l] += counts;
             at_least[l] = at_least[l].max((1.0 - counts) * seen * per_time);
         }
-        frame.clipped = if open == LANES as u32 {
-            Clipped::None
-        } else if open == 0 {
-            Clipped::All
-        } else {
-            Clipped::Some
-        };
     }
     for l in 0..LANES {
         let measured = time[l] > 0.0;
@@ -169,10 +172,9 @@ fn has_moved(out: &Solved) -> bool {
 fn look_up<V: VarianceOf>(frames: &mut [Exposures], noise: V, out: &mut Solved) {
     out.looked_up = out.guide;
     for frame in frames.iter_mut().filter(|f| f.clipped != Clipped::All) {
-        for l in 0..LANES {
-            let typical = frame.time * out.guide[l] + frame.dark[l];
-            frame.constant[l] = noise.constant(typical) + frame.dark_variance;
-        }
+        let mut typical = out.guide;
+        typical.iter_mut().zip(&frame.dark).for_each(|(e, dark)| *e = frame.time * *e + dark);
+        noise.constants(&typical, &mut frame.constant);
     }
 }
 
@@ -182,7 +184,12 @@ fn look_up<V: VarianceOf>(frames: &mut [Exposures], noise: V, out: &mut Solved) 
 /// w = t/V, and after it the misfit Σ r²/V is smaller by (Σ w r)²/Σ w t, so that no second look
 /// at the samples is needed.
 #[inline(always)]
-fn iterate<V: VarianceOf>(frames: &[Exposures], noise: V, clipped: f32, out: &mut Solved) -> bool {
+fn iterate<V: VarianceOf, F: MultiplyAdd>(
+    frames: &[Exposures],
+    noise: V,
+    clipped: f32,
+    out: &mut Solved,
+) -> bool {
     let zero = [0.0_f32; LANES];
     let (mut score, mut information) = (zero, zero);
     let (mut censored_score, mut censored) = (zero, zero);
@@ -197,17 +204,17 @@ fn iterate<V: VarianceOf>(frames: &[Exposures], noise: V, clipped: f32, out: &mu
         if frame.clipped == Clipped::All {
             continue;
         }
-        let even = noise.constant(0.0) + frame.dark_variance;
+        let even = noise.constant(0.0);
         for l in 0..LANES {
-            let typical = t * out.guide[l] + frame.dark[l];
-            let constant = if V::EVEN { even } else { frame.constant[l] };
-            let precision = 1.0 / noise.with_photons(constant, typical);
+            let typical = F::add(t, out.guide[l], frame.dark[l]);
+            let constant = if V::EVEN { even } else { frame.constant[l] } + frame.dark_variance;
+            let precision = 1.0 / noise.with_photons::<F>(constant, typical);
             let precision = if frame.x[l] < clipped { precision } else { 0.0 };
-            let residual = frame.x[l] - (t * out.radiance[l] + frame.dark[l]);
+            let residual = frame.x[l] - F::add(t, out.radiance[l], frame.dark[l]);
             let weighted = precision * residual;
-            score[l] += t * weighted;
-            information[l] += t * t * precision;
-            out.chi2[l] += weighted * residual;
+            score[l] = F::add(t, weighted, score[l]);
+            information[l] = F::add(t * t, precision, information[l]);
+            out.chi2[l] = F::add(weighted, residual, out.chi2[l]);
         }
     }
     let mut moving = 0_u32;

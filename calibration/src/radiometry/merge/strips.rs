@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::drift::{self, ExposureCheck};
-use super::sensor::Channel;
+use super::sensor::{Apart, Channel, Fused, MultiplyAdd};
 use super::solve::{Exposures, LANES, Solved, solve};
+use super::tally::{Tally, finish};
 use super::{Dark, Frame, MasterDarkShape};
 use crate::error::Result;
 use crate::photo::Photo;
@@ -38,34 +39,15 @@ pub(super) struct Job<'a> {
 
 impl Job<'_> {
     /// The first code that says nothing but "more".
-    fn clipped_code(&self) -> u16 {
+    pub fn clipped_code(&self) -> u16 {
         self.noise.saturation.ceil().clamp(0.0, 65535.0) as u16
     }
 }
 
-/// Counts over the picture.
-#[derive(Clone, Default)]
-pub(super) struct Tally {
-    pub clipped: usize,
-    pub lost: usize,
-    /// By exposure.
-    pub moved: Vec<usize>,
-}
-
-impl Tally {
-    fn plus(mut self, other: &Self) -> Self {
-        self.clipped += other.clipped;
-        self.lost += other.lost;
-        self.moved.resize(self.moved.len().max(other.moved.len()), 0);
-        self.moved.iter_mut().zip(&other.moved).for_each(|(a, b)| *a += b);
-        self
-    }
-}
-
 /// A strip of every frame and master dark.
-struct Strip<'a> {
-    codes: Vec<Cow<'a, [u16]>>,
-    darks: Vec<Cow<'a, [f32]>>,
+pub(super) struct Strip<'a> {
+    pub codes: Vec<Cow<'a, [u16]>>,
+    pub darks: Vec<Cow<'a, [f32]>>,
 }
 
 /// One thread's room to work in.
@@ -104,9 +86,9 @@ pub(super) fn compare(
 ) -> (Vec<ExposureCheck>, Option<f64>) {
     let times: Vec<f64> = frames.iter().map(|f| f.time).collect();
     let mut checks = drift::chain(&times, &[]);
+    let (mut radiance, mut ratios) = solve_few(frames, channels);
     // The second round chooses its samples by the radiance that the first one corrected.
     for _ in 0..2 {
-        let (radiance, _) = solve_few(frames, channels);
         let mut order: Vec<usize> = (0..radiance.len()).collect();
         order.sort_unstable_by(|a, b| radiance[*a].total_cmp(&radiance[*b]));
         let mut steps: Vec<Option<(f64, f64)>> = frames
@@ -118,12 +100,16 @@ pub(super) fn compare(
             let so_far = pair[0].gain / pair[1].gain;
             *step = step.map(|(ratio, sigma)| (ratio * so_far, sigma * so_far));
         }
+        let gains: Vec<f64> = checks.iter().map(|c| c.gain).collect();
         checks = drift::chain(&times, &steps);
+        if checks.iter().zip(gains).all(|(check, before)| check.gain == before) {
+            break;
+        }
         for (frame, check) in frames.iter_mut().zip(&checks) {
             frame.few.time = (frame.time * check.gain) as f32;
         }
+        (radiance, ratios) = solve_few(frames, channels);
     }
-    let (_, mut ratios) = solve_few(frames, channels);
     let middle = ratios.len() / 2;
     let ratio = (!ratios.is_empty())
         .then(|| f64::from(*ratios.select_nth_unstable_by(middle, f32::total_cmp).1).sqrt());
@@ -217,7 +203,11 @@ impl pulp::WithSimd for Block<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        solve_channel(self.bench, self.channel, 1);
+        if S::IS_SCALAR {
+            solve_channel::<Apart>(self.bench, self.channel, 1);
+        } else {
+            solve_channel::<Fused>(self.bench, self.channel, 1);
+        }
     }
 }
 
@@ -236,24 +226,28 @@ impl pulp::WithSimd for Piece<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        work(self);
+        if S::IS_SCALAR {
+            work::<Apart>(self);
+        } else {
+            work::<Fused>(self);
+        }
     }
 }
 
 #[inline(always)]
-fn solve_channel(bench: &mut Bench, channel: &Channel, like: usize) {
+fn solve_channel<F: MultiplyAdd>(bench: &mut Bench, channel: &Channel, like: usize) {
     let (frames, out) = (&mut bench.exposures[..bench.used], &mut bench.solved);
     if channel.is_straight() {
-        solve(frames, channel.straight(), channel.clipped, like, out);
+        solve::<_, F>(frames, channel.straight(), channel.clipped, like, out);
     } else {
-        solve(frames, channel.curved(), channel.clipped, like, out);
+        solve::<_, F>(frames, channel.curved(), channel.clipped, like, out);
     }
 }
 
 /// Solves one piece. Where a sample's exposures disagree, its variance comes out negative, for
 /// [`finish`] to look into.
 #[inline(always)]
-fn work(piece: Piece) {
+fn work<F: MultiplyAdd>(piece: Piece) {
     let Piece { job, strip, at, bench, radiance, variance } = piece;
     let n = job.shape.channels;
     let size = radiance.len();
@@ -294,15 +288,20 @@ fn work(piece: Piece) {
                     }
                 }
             }
-            solve_channel(bench, channel, like);
+            solve_channel::<F>(bench, channel, like);
             let out = &bench.solved;
-            for l in 0..count {
-                let place = first + l * stride;
-                radiance[place] = out.radiance[l];
+            let mut spread = out.information;
+            for l in 0..LANES {
                 let least = 1.0 / out.information[l];
                 let strange = moved(out.chi2[l] / worse, out.freedom[l]);
-                variance[place] =
-                    if strange { -least * out.chi2[l] / out.freedom[l] } else { least };
+                spread[l] = if strange { -least * out.chi2[l] / out.freedom[l] } else { least };
+            }
+            let lanes = out.radiance.iter().zip(&spread).take(count);
+            let places = radiance[first..].chunks_mut(stride);
+            for ((l, v), (radiance, variance)) in
+                lanes.zip(places.zip(variance[first..].chunks_mut(stride)))
+            {
+                (radiance[0], variance[0]) = (*l, *v);
             }
             first += count * stride;
         }
@@ -311,10 +310,9 @@ fn work(piece: Piece) {
 
 #[inline(always)]
 fn all_clipped(codes: &[u16], stride: usize, count: usize, clipped: u16) -> bool {
-    if stride == 1 {
-        let mut open = 0_u16;
-        codes.iter().take(count).for_each(|c| open |= u16::from(*c < clipped));
-        return open == 0;
+    // Nearly always the first of them tells.
+    if codes[0] < clipped {
+        return false;
     }
     codes.iter().step_by(stride).take(count).all(|c| *c >= clipped)
 }
@@ -326,74 +324,15 @@ fn load(codes: &[u16], stride: usize, count: usize, channel: &Channel, x: &mut [
         x.iter_mut().zip(codes).take(count).for_each(|(x, c)| *x = f32::from(*c) * scale - black);
         return;
     }
-    let table = &channel.exposure;
-    let last = table.len() - 1;
-    let exposure = |code: u16| table[usize::from(code).min(last)];
     // A stride that the compiler knows costs half.
     match stride {
-        1 => (0..count).for_each(|l| x[l] = exposure(codes[l])),
-        3 => (0..count).for_each(|l| x[l] = exposure(codes[3 * l])),
-        _ => (0..count).for_each(|l| x[l] = exposure(codes[stride * l])),
+        3 => look_up::<3>(&codes[..codes.len().min(3 * count)], channel, x),
+        _ => look_up::<1>(&codes[..count], channel, x),
     }
 }
 
-fn number_of<T: Copy>(values: &[T], is: impl Fn(T) -> bool) -> usize {
-    values.iter().map(|v| u32::from(is(*v))).sum::<u32>() as usize
-}
-
-/// Flat field, and the counts of what was clipped, lost or moved.
-fn finish(
-    job: &Job,
-    strip: &Strip,
-    start: usize,
-    at: usize,
-    radiance: &mut [f32],
-    variance: &mut [f32],
-    tally: &mut Tally,
-) {
-    let n = job.shape.channels;
-    let longest = job.frames.last().map_or(1.0, |f| f.few.time);
-    let lost = (job.noise.read_noise / job.noise.full_scale) as f32 / longest;
-    let clipped = job.clipped_code();
-    let shortest = &strip.codes[0][at..at + radiance.len()];
-    // Most pieces have none of these, which sums without branches tell fast.
-    if number_of(shortest, |c| c >= clipped) > 0 {
-        let pixels = shortest.chunks_exact(n);
-        tally.clipped += pixels.filter(|codes| codes.iter().any(|c| *c >= clipped)).count();
-    }
-    if number_of(radiance, |l| l <= lost) > 0 {
-        let pixels = radiance.chunks_exact(n);
-        tally.lost += pixels.filter(|samples| samples.iter().all(|l| *l <= lost)).count();
-    }
-    let strange = number_of(variance, |v| v < 0.0);
-    let all = variance.iter_mut().enumerate();
-    for (i, variance) in all.filter(|(_, v)| **v < 0.0).take(strange) {
-        *variance = -*variance;
-        let channel = &job.channels[(i % n).min(job.channels.len() - 1)];
-        let off = |k: usize| {
-            let frame = &job.frames[k];
-            let dark = match frame.dark {
-                Dark::Even(level) => level,
-                Dark::Measured { masters: [a, b], share, .. } => {
-                    let (a, b) = (strip.darks[a][at + i], strip.darks[b][at + i]);
-                    channel.exposure_of(a + share * (b - a))
-                }
-            };
-            let mean = frame.few.time * radiance[i] + dark;
-            let code = usize::from(strip.codes[k][at + i]).min(channel.exposure.len() - 1);
-            let counts = if mean < channel.clipped { 1.0 } else { 0.0 };
-            counts * (channel.exposure[code] - mean).powi(2) / channel.variance(mean)
-        };
-        let misfits = (0..job.frames.len()).map(|k| (off(k), k));
-        if let Some((_, worst)) = misfits.max_by(|a, b| a.0.total_cmp(&b.0)) {
-            tally.moved[worst] += 1;
-        }
-    }
-    if let Some(flat) = job.flat {
-        let gains = &flat.gain[start + at..];
-        for ((radiance, variance), gain) in radiance.iter_mut().zip(variance).zip(gains) {
-            *radiance /= gain;
-            *variance = *variance / (gain * gain) + flat.relative_variance * *radiance * *radiance;
-        }
-    }
+#[inline(always)]
+fn look_up<const STRIDE: usize>(codes: &[u16], channel: &Channel, x: &mut [f32; LANES]) {
+    let table = &channel.exposure;
+    x.iter_mut().zip(codes.chunks(STRIDE)).for_each(|(x, c)| *x = table[usize::from(c[0])]);
 }
