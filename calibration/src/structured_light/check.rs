@@ -66,7 +66,11 @@ pub(crate) fn check_sequence(layout: &CodeLayout, pictures: &[Photo]) -> Result<
         }
         return wrong(
             first,
-            format!("does not go with {}, which should be its inverse", name(first + 1)),
+            format!(
+                "does not go with {}, which should be its inverse: one of the two is of another \
+                 place or pose",
+                name(first + 1)
+            ),
         );
     }
     for axis in 0..2 {
