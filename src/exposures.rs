@@ -42,7 +42,7 @@ pub(crate) fn exposures(
                     && (told / exif - 1.0).abs() > ROUNDED
                 {
                     let warning = format!(
-                        "{name}: the table says {told} s, its EXIF data {exif} s; the table is taken"
+                        "{name}: the table says {told:.4} s, its EXIF data {exif:.4} s; the table is taken"
                     );
                     eprintln!("warning: {warning}");
                     warnings.push(warning);
@@ -58,6 +58,25 @@ pub(crate) fn exposures(
         out.push(Exposure { path, name, seconds });
     }
     Ok(out)
+}
+
+/// Refuses photographs that all have one exposure time: they say nothing about it.
+pub(crate) fn refuse_one_time(exposures: &[Exposure]) -> Result<(), Failure> {
+    let times = by_time(exposures);
+    let (Some(same), 1) = (times.values().next().filter(|same| same.len() > 1), times.len()) else {
+        return Ok(());
+    };
+    let names: Vec<&str> = same.iter().take(4).map(|e| e.name.as_str()).collect();
+    let more = same.len().checked_sub(5).map_or(String::new(), |n| format!(" and {} more", n + 1));
+    let error = format!(
+        "expected several exposure times, found one, {:.4} s, of {}{more}",
+        same[0].seconds,
+        names.join(", ")
+    );
+    Err(Failure::input(error).hint(
+        "take the same scene at times a factor of two to four apart; where EXIF is wrong, give a \
+         table with --exposures",
+    ))
 }
 
 /// What a response is learnt from: tiles of each photograph, so that memory holds the bracket.

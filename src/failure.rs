@@ -60,7 +60,18 @@ impl From<material::FileError> for Failure {
 impl From<calibration::CalibrationError> for Failure {
     fn from(error: calibration::CalibrationError) -> Self {
         use calibration::CalibrationError as E;
+        let counted;
         let hint = match &error {
+            E::BoardNotFound {
+                reason: calibration::NoBoard::OtherBoard { seen: Some(s), .. },
+                ..
+            } => {
+                counted = format!(
+                    "count the inner corners, columns x rows: this may be --board {}x{}",
+                    s[0], s[1]
+                );
+                &counted
+            }
             E::TooFewViews { .. } => "take more pictures: ten or so, tilted and placed differently",
             E::Degenerate { .. } => {
                 "tilt the board by 20 to 40 degrees, about another axis in each picture"

@@ -10,7 +10,9 @@ mod measurement;
 mod output;
 mod reading;
 mod report;
+mod sensor;
 mod session;
 mod steps;
+mod wheel;
 
 pub use failure::Failure;

@@ -1,8 +1,11 @@
 //! What a command tells: results for machines on standard output, everything human on standard
 //! error, and progress with the time that is left.
 
+use crate::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use material::Overwrite;
 use std::io::IsTerminal;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// What a command that went well has to say.
@@ -81,4 +84,28 @@ impl Progress {
         let spent = self.started.elapsed().as_secs_f64();
         eprintln!("{}: {message} ({spent:.1} s)", self.label);
     }
+}
+
+/// Fails before the work where its result could not be written: a file that is there and not to be
+/// replaced, a folder that is not there or takes no files.
+pub(crate) fn check_output(path: &Path, overwrite: Overwrite) -> Result<(), Failure> {
+    if overwrite == Overwrite::Refuse && path.symlink_metadata().is_ok() {
+        return Err(material::FileError::Exists { path: path.into() }.into());
+    }
+    if path.is_dir() {
+        return Err(Failure::input(format!("{}: expected a file, found a folder", path.display()))
+            .hint("name a file in it"));
+    }
+    let folder = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        let error = format!("{}: its folder is not there", path.display());
+        return Err(Failure::input(error).hint(format!("make it: mkdir -p {}", folder.display())));
+    }
+    // The only way to know that is the same everywhere; it is gone again at once.
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| {
+        Failure::input(format!("{}: nothing can be written into its folder: {e}", path.display()))
+    })
 }

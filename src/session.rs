@@ -1,6 +1,7 @@
 //! A session: one folder that holds everything about one sample on one rig.
 
 use crate::Failure;
+use crate::wheel::KnownWheel;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
 use rig::{Acquisition, Chessboard, ProjectorMethod};
 use serde::{Deserialize, Serialize};
@@ -201,6 +202,8 @@ impl Config {
 pub(crate) struct Session {
     folder: PathBuf,
     pub config: Config,
+    /// The projector's colour wheel, once it is measured.
+    pub wheel: Option<KnownWheel>,
 }
 
 impl Session {
@@ -212,7 +215,7 @@ impl Session {
         atomic_write(&folder.join("session.toml"), overwrite, |file| {
             file.write_all(text.as_bytes())
         })?;
-        Ok(Self { folder: folder.into(), config })
+        Ok(Self { folder: folder.into(), config, wheel: KnownWheel::read(folder) })
     }
 
     pub fn open(folder: &Path) -> Result<Self, Failure> {
@@ -239,7 +242,7 @@ impl Session {
         }
         let config: Config = toml::from_str(&text).map_err(bad)?;
         config.check().map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
-        Ok(Self { folder: folder.into(), config })
+        Ok(Self { folder: folder.into(), config, wheel: KnownWheel::read(folder) })
     }
 
     pub fn folder(&self) -> &Path {
@@ -309,13 +312,19 @@ impl Session {
         Ok(())
     }
 
+    /// Exposures of the sample, seconds: whole turns of the projector's colour wheel, if known.
+    pub fn sample_bracket_s(&self) -> Vec<f64> {
+        let asked = &self.config.plan.bracket_s;
+        self.wheel.as_ref().map_or_else(|| asked.clone(), |known| known.bracket_s(asked))
+    }
+
     /// The two plans of a standard acquisition.
     pub fn acquisition(&self) -> Acquisition {
         let plan = &self.config.plan;
         Acquisition {
             lit_face: self.config.sample.lit_face,
             regions: plan.regions,
-            bracket_s: plan.bracket_s.clone(),
+            bracket_s: self.sample_bracket_s(),
             reference_bracket_s: plan.reference_bracket_s.clone(),
             response_bracket_s: plan.response_bracket_s.clone(),
             board_exposure_s: plan.board_exposure_s,

@@ -221,3 +221,52 @@ fn nothing_finished_is_overwritten() {
     assert_ne!(std::fs::read(&page).unwrap(), b"mine");
     refused_with_hint(&diaphane(["demo", "--out", &session]), &["another session"], "--out");
 }
+
+#[test]
+fn what_is_given_is_judged_before_the_work_and_told_as_it_is() {
+    let folder = tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name)).to_owned();
+    // Nothing to read a colour from; a place left of the picture.
+    refused_with_hint(&diaphane(["calibrate", "colour"]), &["ColorChecker"], "--image");
+    flat_png(&folder.path().join("chart.png"), 90);
+    let chart = at("chart.png");
+    let outside =
+        ["calibrate", "colour", "--image", &chart, "--chart", "-10,5", "5,6", "7,8", "9,10"];
+    refused(&diaphane(outside), &["chart.png"]);
+    // A result that could not be written.
+    let response = ["calibrate", "response", "--images", &at("none"), "--output", &at("no/r.json")];
+    refused_with_hint(&diaphane(response), &["r.json", "folder"], "mkdir");
+    // One exposure time under several names.
+    let bracket = folder.path().join("bracket");
+    std::fs::create_dir(&bracket).unwrap();
+    for (name, level) in [("a.png", 40), ("b.png", 80)] {
+        flat_png(&bracket.join(name), level);
+    }
+    std::fs::write(at("times.txt"), "a.png 0.1\nb.png 0.1\n").unwrap();
+    for command in [&["calibrate", "response"][..], &["merge"]] {
+        let rest = ["--images", text(&bracket), "--exposures", &at("times.txt")];
+        let run = diaphane(command.iter().copied().chain(rest));
+        refused_with_hint(&run, &["a.png", "b.png", "0.1"], "--exposures");
+    }
+    // A view whose points are in another order than the board's.
+    let place = |i: usize| [(i % 7) as f64, (i / 7) as f64];
+    let line = |[x, y]: [f64; 2]| format!("{x} {y}\n");
+    let list = |order: &dyn Fn(usize) -> usize, slant: f64| -> String {
+        let seen = |i: usize| {
+            let [x, y] = place(order(i)).map(|v| 30.0 * v);
+            let below = 1.0 + slant * x;
+            line([100.0 + x / below, 80.0 + y / below])
+        };
+        (0..35).map(seen).collect()
+    };
+    std::fs::write(at("plane.txt"), (0..35).map(|i| line(place(i))).collect::<String>()).unwrap();
+    for (i, slant) in [1e-3, -1e-3, 5e-4].into_iter().enumerate() {
+        std::fs::write(at(&format!("v{i}.txt")), list(&|i| i, slant)).unwrap();
+    }
+    // 35 and 11 have no factor in common: every point once.
+    std::fs::write(at("v1.txt"), list(&|i| 11 * i % 35, 1e-3)).unwrap();
+    let (plane, views) = (at("plane.txt"), [0, 1, 2].map(|i| at(&format!("v{i}.txt"))));
+    let points = ["calibrate", "camera", "--points", &views[0], &views[1], &views[2]];
+    let run = diaphane(points.into_iter().chain(["--plane", &plane, "--size", "640x480"]));
+    refused(&run, &["v1.txt", "order"]);
+}

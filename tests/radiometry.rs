@@ -115,6 +115,17 @@ fn noise_is_measured_and_used() {
     // 4096 pixels of 200 electrons' noise: 0.008 % (1 sigma), and the black level's.
     assert!((mean * 65535.0 / 20_000.0 - 1.0).abs() < 0.001, "{mean}");
 
+    // One brightness alone says nothing.
+    let same = folder.path().join("same");
+    std::fs::create_dir(&same).unwrap();
+    for name in ["1a.png", "1b.png", "2a.png", "2b.png"] {
+        shot(&same.join(name), 5_000.0, &mut noise);
+    }
+    let one = ["calibrate", "noise", "--flats", text(&same), "--darks", text(&darks)];
+    let run = diaphane(one.into_iter().chain(["--exposures", text(&table)]));
+    assert!(run.code == 2 && run.stderr.contains("different brightness"), "{}", run.stderr);
+    assert!(run.stderr.contains("five or more"), "{}", run.stderr);
+
     // A frame alone, and a saturated one, are refused by name.
     shot(&flats.join("9a.png"), 1e9, &mut noise);
     let run = diaphane(command.clone().chain(["--force"]));

@@ -35,6 +35,27 @@ fn a_camera_from_opencvs_chessboards() {
     assert_eq!(run.json["distortion"].as_array().unwrap().len(), 8);
 }
 
+/// Miscounted corners: the right number is told, after a look at three of the pictures.
+#[test]
+fn a_miscounted_board_is_told_by_its_size() {
+    let Some(images) = data("chessboard/opencv_stereo") else { return };
+    for board in ["8x6", "7x5", "10x7"] {
+        let images = images.to_str().unwrap();
+        let run = diaphane([
+            "calibrate",
+            "camera",
+            "--images",
+            images,
+            "--board",
+            board,
+            "--square",
+            "25",
+        ]);
+        assert_eq!(run.code, 2, "{}", run.stderr);
+        assert!(run.json["hint"].as_str().unwrap().contains("--board 9x6"), "{}", run.json);
+    }
+}
+
 /// Zhang's five views from lists of points: his published digits, and the way to other programs.
 #[test]
 fn a_camera_from_zhangs_points_and_on_to_opencv_and_mrcal() {

@@ -136,11 +136,11 @@ pub enum CalibrationError {
     #[error(transparent)]
     File(#[from] material::FileError),
     /// OpenCV refused.
-    #[error("{doing}: OpenCV says: {message}")]
+    #[error("{doing} failed: {message}")]
     OpenCv {
         /// What it was asked to do.
         doing: &'static str,
-        /// Its own words.
+        /// Its own words, without its file and line.
         message: String,
     },
 }
@@ -152,6 +152,14 @@ impl CalibrationError {
     }
 
     pub(crate) fn opencv(doing: &'static str) -> impl Fn(opencv::Error) -> Self {
-        move |error| Self::OpenCv { doing, message: error.message.trim().to_owned() }
+        // "OpenCV(4.6.0) /its/own/file.cpp:1: error: (-215:Assertion failed) what in function 'which'".
+        move |error| {
+            let message = error.message.trim();
+            let told = message.split_once("error: ").map_or(message, |(_, told)| told);
+            let told =
+                told.split_once(") ").filter(|_| told.starts_with('(')).map_or(told, |t| t.1);
+            let message = told.lines().next().unwrap_or_default().trim().to_owned();
+            Self::OpenCv { doing, message }
+        }
     }
 }

@@ -117,6 +117,11 @@ pub const BURST_SHOT: &str = "light-burst";
 /// See [`DARK_SHOT`].
 pub const WHITE_AGAIN_SHOT: &str = "light-white-again";
 
+/// Names of the shots of [`Acquisition::noise_plan`]: pairs of dark and of evenly lit frames.
+pub const NOISE_DARK_SHOT: &str = "noise-dark";
+/// See [`NOISE_DARK_SHOT`].
+pub const NOISE_FLAT_SHOT: &str = "noise-flat";
+
 /// Name of the ramp's shot at a level.
 pub fn grey_shot(level: f64) -> String {
     format!("light-grey-{:03}", (255.0 * level).round())
@@ -256,8 +261,8 @@ impl Acquisition {
         };
         Plan {
             shots: vec![
-                shot("noise-dark", Target::Dark, &self.bracket_s),
-                shot("noise-flat", Target::Flat, &self.response_bracket_s),
+                shot(NOISE_DARK_SHOT, Target::Dark, &self.bracket_s),
+                shot(NOISE_FLAT_SHOT, Target::Flat, &self.response_bracket_s),
             ],
         }
     }

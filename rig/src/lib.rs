@@ -15,8 +15,8 @@ mod render;
 mod runner;
 
 pub use acquisition::{
-    Acquisition, BURST_SHOT, DARK_SHOT, ProjectorMethod, WHITE_AGAIN_SHOT, bracket, burst,
-    code_shot, grey_shot, uneven_bracket,
+    Acquisition, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT, ProjectorMethod,
+    WHITE_AGAIN_SHOT, bracket, burst, code_shot, grey_shot, uneven_bracket,
 };
 pub use code::{CodeSequence, PhaseShift};
 pub use device::{

@@ -7,6 +7,9 @@ use crate::{CameraInfo, Pattern, PatternError, Target};
 /// Below this, a colour-wheel projector may show less than a whole turn, and a display less
 /// than a whole frame.
 const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
+/// Part of an exposure that may be no whole turn of a colour wheel: so much its brightness can
+/// change at most, less than the merge corrects.
+const MOST_OF_A_TURN: f64 = 0.002;
 /// Reading a frame out, showing the next image and writing the last one, seconds.
 const PER_FRAME_S: f64 = 0.5;
 /// Putting something else on the bench, seconds.
@@ -110,6 +113,20 @@ pub enum PlanWarning {
         /// Its shortest exposure, seconds.
         shortest_s: f64,
     },
+    /// An exposure that ends within a turn of the projector's colour wheel.
+    #[error(
+        "shot {shot:?} exposes for {:.2} ms, which is no whole number of the colour wheel's turns of {:.3} ms: its brightness depends on when it begins",
+        1e3 * exposure_s,
+        1e3 * turn_s
+    )]
+    PartialTurn {
+        /// The shot.
+        shot: String,
+        /// The exposure that is farthest from whole turns for its length, seconds.
+        exposure_s: f64,
+        /// One turn, seconds.
+        turn_s: f64,
+    },
 }
 
 /// What a plan amounts to.
@@ -168,15 +185,25 @@ impl Plan {
         Ok(())
     }
 
-    /// What is worth a second thought before starting.
-    pub fn warnings(&self) -> Vec<PlanWarning> {
+    /// What is worth a second thought before starting, with the turn of the projector's colour
+    /// wheel where it is known, seconds.
+    pub fn warnings(&self, turn_s: Option<f64>) -> Vec<PlanWarning> {
         let short = |shot: &Shot| {
             let shortest_s = shot.exposures_s.iter().copied().fold(f64::INFINITY, f64::min);
             // A written 0.0333 means 1/30.
             (shortest_s < SHORTEST_SAFE_S * 0.999 && shot.purpose != Purpose::Wheel)
                 .then(|| PlanWarning::ShortExposure { shot: shot.name.clone(), shortest_s })
         };
-        self.shots.iter().filter_map(short).collect()
+        let partial = |shot: &Shot| {
+            let turn_s = turn_s.filter(|t| *t > 0.0)?;
+            // The part of a turn by which an exposure misses whole ones.
+            let off = |t: f64| (t - (t / turn_s).round() * turn_s).abs() / t;
+            let worst = |a: &f64, b: &f64| off(*a).total_cmp(&off(*b));
+            let exposure_s = shot.exposures_s.iter().copied().max_by(worst)?;
+            (off(exposure_s) > MOST_OF_A_TURN && shot.purpose != Purpose::Wheel)
+                .then(|| PlanWarning::PartialTurn { shot: shot.name.clone(), exposure_s, turn_s })
+        };
+        self.shots.iter().flat_map(|s| [short(s), partial(s)]).flatten().collect()
     }
 
     /// How much there is to do, and what it takes.

@@ -50,7 +50,7 @@ fn the_standard_plans_are_sound_and_survive_files() {
             coded(ProjectorMethod::PhaseShift(phase)).calibration_plan(),
         ] {
             plan.check().unwrap();
-            assert!(plan.warnings().is_empty());
+            assert!(plan.warnings(None).is_empty());
             let toml = toml::to_string(&plan).unwrap();
             assert_eq!(toml::from_str::<Plan>(&toml).unwrap(), plan);
             let json = serde_json::to_string(&plan).unwrap();
@@ -140,8 +140,26 @@ fn unsound_plans_are_refused_by_name() {
     let mut short = good.clone();
     short.shots[1].exposures_s[0] = 1.0 / 60.0;
     assert!(
-        matches!(&short.warnings()[..], [PlanWarning::ShortExposure { shot, .. }] if shot == "region-01")
+        matches!(&short.warnings(None)[..], [PlanWarning::ShortExposure { shot, .. }] if shot == "region-01")
     );
+}
+
+#[test]
+fn exposures_that_end_within_a_turn_of_the_wheel_are_told() {
+    let mut plan = standard(Face::Back).capture_plan();
+    let turn_s = 1.0 / 120.0;
+    let whole = |t: &f64| (t / turn_s).round() * turn_s;
+    for shot in &mut plan.shots {
+        shot.exposures_s = shot.exposures_s.iter().map(whole).collect();
+    }
+    assert!(plan.warnings(Some(turn_s)).is_empty());
+    // Half a turn is an eighth of a thirtieth of a second, and nothing of eight seconds.
+    plan.shots[2].exposures_s[8] += 0.5 * turn_s;
+    assert!(plan.warnings(Some(turn_s)).is_empty());
+    plan.shots[1].exposures_s[0] += 0.5 * turn_s;
+    let told = plan.warnings(Some(turn_s));
+    assert!(matches!(&told[..], [PlanWarning::PartialTurn { shot, .. }] if shot == "region-01"));
+    assert!(told[0].to_string().contains("37.50 ms"), "{}", told[0]);
 }
 
 /// The words of the file are a contract.

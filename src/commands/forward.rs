@@ -2,7 +2,7 @@
 //! compared with ours.
 
 use crate::Failure;
-use crate::output::Done;
+use crate::output::{Done, check_output};
 use clap::ValueEnum;
 use diffusion::{Batch, CpuSolver, Forward, Illuminations, Medium, SolveReport};
 use material::npz::{self, NpzReader};
@@ -61,9 +61,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         return Err(Failure::input(format!("--rtol must lie between 0 and 1, found {found}")));
     }
     // Asked before the work, so that it is not done for nothing.
-    if !args.force && args.output.symlink_metadata().is_ok() {
-        return Err(FileError::Exists { path: args.output.clone() }.into());
-    }
+    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    check_output(&args.output, overwrite)?;
     let Problem { medium, optics, light } = read(&args.input)?;
     let grid = *medium.grid();
 
@@ -76,7 +75,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 
     let faces = [("radiance_front", Face::Front), ("radiance_back", Face::Back)]
         .map(|(name, face)| (name, forward.exit_radiance(&light, &fluence, face).concat()));
-    let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     write(&args.output, overwrite, &grid, &fluence, &faces)?;
     Ok(done(args, seconds, &report, grid.len()))
 }

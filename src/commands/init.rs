@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::output::Done;
 use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
+use crate::wheel;
 use calibration::{Board, NoiseModel};
 use clap::ValueEnum;
 use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite};
@@ -12,12 +13,18 @@ use std::path::PathBuf;
 
 /// Make a session on the simulated rig
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  diaphane init my-wax --sample wax --seed 1")]
+#[command(
+    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax"
+)]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
     #[command(flatten)]
     rig: SimulatedArgs,
+    /// A session on the same rig whose calibrate light found a colour wheel: all exposures become
+    /// whole turns of it
+    #[arg(long, value_name = "SESSION")]
+    light: Option<PathBuf>,
     /// Replace a session.toml that is there
     #[arg(long)]
     force: bool,
@@ -95,7 +102,11 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let session = Session::create(&args.session, simulated_config(&args.rig)?, overwrite)?;
+    let mut config = simulated_config(&args.rig)?;
+    if let Some(other) = &args.light {
+        wheel::of_session(other)?.set(&mut config.plan);
+    }
+    let session = Session::create(&args.session, config, overwrite)?;
     let folder = session.folder().display();
     let [nx, ny, nz] = session.config.sample.grid.cells();
     let [w, h, d] = session.config.sample.grid.size_mm();

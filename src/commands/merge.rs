@@ -5,6 +5,7 @@ use crate::cli::STOP;
 use crate::commands::calibrate::{self, merge_shot, subtract};
 use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
 use crate::output::{Done, Progress};
+use crate::sensor::Sensor;
 use crate::session::{RigConfig, Session};
 use calibration::{rectify, write_exr};
 use material::Overwrite;
@@ -83,11 +84,11 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 /// Merges every shot of the sample and lays it onto the grid.
 pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measured, Failure> {
     session.refuse_existing(ARRAYS, overwrite)?;
-    let RigConfig::Simulated { noise, .. } = &session.config.rig else {
+    if let RigConfig::Imported = session.config.rig {
         return Err(Failure::input(
             "the pictures of this session were imported, and measured then",
         ));
-    };
+    }
     let found = calibrate::load(session)?;
     let plan = session.acquisition().capture_plan();
     let grid = &session.config.sample.grid;
@@ -103,8 +104,10 @@ pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measure
         );
         return Err(Failure::input(error).hint(hint));
     }
-    let times = &session.config.plan.bracket_s;
-    let merged = |shot: &str| merge_shot(session, shot, times, &found.response, noise);
+    let times = session.sample_bracket_s();
+    let sensor = Sensor::of(session)?;
+    eprintln!("noise: {}", sensor.source());
+    let merged = |shot: &str| merge_shot(session, shot, &times, &found.response, &sensor);
     let black = merged("black")?;
     let shots: Vec<_> = plan
         .shots

@@ -2,8 +2,10 @@
 
 use super::merge::Args;
 use crate::Failure;
-use crate::exposures::{Exposure, exposures, master_darks, read_noise, response_bracket};
-use crate::output::{Done, Progress};
+use crate::exposures::{
+    Exposure, exposures, master_darks, read_noise, refuse_one_time, response_bracket,
+};
+use crate::output::{Done, Progress, check_output};
 use crate::reading::Reading;
 use calibration::{
     Bayer, Brightness, ExposureTable, ExrPrecision, FlatField, HdrImage, MergeReport, Merger,
@@ -15,13 +17,11 @@ use serde_json::json;
 use std::path::Path;
 
 pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Done, Failure> {
+    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
+    check_output(&output, overwrite)?;
     let mut warnings = Vec::new();
     let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
     let bracket = exposures(images, table.as_ref(), &mut warnings)?;
-    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
-    if overwrite == Overwrite::Refuse && output.symlink_metadata().is_ok() {
-        return Err(material::FileError::Exists { path: output }.into());
-    }
     let asked = args.bayer.as_deref().map(Bayer::parse).transpose()?;
     let Some(one) = bracket.first() else {
         return Err(Failure::input(format!("{}: no photographs", images.display())));
@@ -35,6 +35,7 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
             bracket.len()
         )));
     }
+    refuse_one_time(&bracket)?;
     let noise = reading.noise(args.noise.as_deref().map(read_noise).transpose()?);
     let response = response(&bracket, args, bayer, &reading, &noise)?;
     let (image, report) =

@@ -27,15 +27,16 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             )));
         }
     };
+    let turn_s = session.wheel.as_ref().map(|known| known.wheel.turn_s);
     let mut text = String::new();
     let mut parts = Vec::new();
     for (name, plan) in
         [("calibration", acquisition.calibration_plan()), ("sample", acquisition.capture_plan())]
     {
         plan.check()?;
-        text += &describe(name, &plan, &camera);
+        text += &describe(name, &plan, &camera, turn_s);
         let summary = plan.summary(&camera);
-        let warnings: Vec<String> = plan.warnings().iter().map(ToString::to_string).collect();
+        let warnings: Vec<String> = plan.warnings(turn_s).iter().map(ToString::to_string).collect();
         parts.push(json!({
             "part": name,
             "shots": summary.shots,
@@ -43,13 +44,20 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             "placements": summary.placements,
             "estimated_s": summary.estimated_s,
             "bytes": summary.bytes,
+            "exposures_s": plan.shots.iter().map(|s| &s.exposures_s).collect::<Vec<_>>(),
             "warnings": warnings,
         }));
     }
-    Ok(Done::new(json!({ "parts": parts }), text.trim_end()))
+    if let Some(turn_s) = turn_s {
+        text += &format!(
+            "the sample is exposed for whole turns of the colour wheel, {:.3} ms each\n",
+            1e3 * turn_s
+        );
+    }
+    Ok(Done::new(json!({ "parts": parts, "wheel_turn_s": turn_s }), text.trim_end()))
 }
 
-fn describe(name: &str, plan: &Plan, camera: &CameraInfo) -> String {
+fn describe(name: &str, plan: &Plan, camera: &CameraInfo, turn_s: Option<f64>) -> String {
     let s = plan.summary(camera);
     let mut out = format!(
         "{name}: {} frames of {} shots, {} placements, about {:.0} min and {:.1} GB on {}\n",
@@ -64,7 +72,7 @@ fn describe(name: &str, plan: &Plan, camera: &CameraInfo) -> String {
         let exposures: Vec<String> = shot.exposures_s.iter().map(|t| format!("{t:.3}")).collect();
         out += &format!("  {:16} {} s, {}\n", shot.name, exposures.join(" "), shot.target);
     }
-    for warning in plan.warnings() {
+    for warning in plan.warnings(turn_s) {
         out += &format!("  warning: {warning}\n");
     }
     out

@@ -1,7 +1,7 @@
 //! `diaphane report`: a session on one page.
 
 use crate::Failure;
-use crate::output::Done;
+use crate::output::{Done, check_output};
 use crate::report::{Verdict, page};
 use crate::session::Session;
 use crate::steps::steps;
@@ -57,9 +57,7 @@ pub(crate) fn report(
             session.result(RESULT)?
         }
     };
-    if overwrite == Overwrite::Refuse && path.exists() {
-        return Err(material::FileError::Exists { path }.into());
-    }
+    check_output(&path, overwrite)?;
     let (page, verdict) = page(session)?;
     atomic_write(&path, overwrite, |file| file.write_all(page.as_bytes()))?;
     Ok((path, verdict))

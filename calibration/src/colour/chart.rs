@@ -105,7 +105,10 @@ pub fn read_chart(image: &HdrImage, middles: [[f64; 2]; 4], name: &str) -> Resul
     if let Some(p) =
         middles.iter().find(|p| !((0.0..width).contains(&p[0]) && (0.0..height).contains(&p[1])))
     {
-        return Err(refuse(format!("patch at {p:?} is outside of its {width} x {height} pixels")));
+        return Err(refuse(format!(
+            "patch at ({:.1}, {:.1}) is outside of its {width} x {height} pixels",
+            p[0], p[1]
+        )));
     }
     if is_mirrored(&middles) {
         return Err(refuse(
@@ -216,10 +219,11 @@ fn check(patches: &[Patch; 24], distance: f64) -> std::result::Result<(), String
     }
     let green = |i: usize| patches[i].radiance[1];
     if let Some(i) = (18..23).find(|&i| green(i) <= green(i + 1)) {
-        let (step, next) = (i - 17, i - 16);
         return Err(format!(
-            "grey {next} is not darker than grey {step}: {:?}",
-            [green(i), green(i + 1)]
+            "its grey row does not darken from patch {} to patch {}: partly covered, or lit \
+             unevenly?",
+            i + 1,
+            i + 2
         ));
     }
     let each = distances(patches);

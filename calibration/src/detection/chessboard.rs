@@ -18,7 +18,7 @@ const WINDOW_SHARE: f64 = 0.25;
 
 /// Longest side of the pictures that are looked at first: the detectors' time grows faster than
 /// the picture, their finds do not.
-const QUICK_PX: f64 = 900.0;
+pub(crate) const QUICK_PX: f64 = 900.0;
 
 /// Longest side of the pictures that are looked at next.
 const THOROUGH_PX: f64 = 1600.0;
@@ -73,6 +73,23 @@ pub(crate) fn find(grey: &[u8], width: usize, board: &Board) -> Result<Look> {
     };
     let found = look().map_err(CalibrationError::opencv("looking for a chessboard"))?;
     Ok(found.map(|corners| orient(corners, grey, width, board)).ok_or(NoBoard::NotSeen))
+}
+
+/// Whether a board is in the picture and does not go on beyond its corners, by the quickest look.
+pub(crate) fn is_there(grey: &[u8], width: usize, board: &Board) -> Result<bool> {
+    let look = || -> opencv::Result<bool> {
+        let full = cv::grey_mat(grey, width)?;
+        let longest = width.max(grey.len() / width.max(1)) as f64;
+        let flags = calib3d::CALIB_CB_NORMALIZE_IMAGE;
+        let rough =
+            Detector::Sectors { flags }.look(&full, (QUICK_PX / longest).min(1.0), board)?;
+        let Some(rough) = rough else { return Ok(false) };
+        let corners: Vec<SeenCorner> =
+            rough.iter().enumerate().map(|(index, &pixel)| SeenCorner { index, pixel }).collect();
+        let squares = Squares::new(board, &corners, grey, width);
+        Ok(squares.are_a_board() && !squares.go_on())
+    };
+    look().map_err(CalibrationError::opencv("looking for a chessboard"))
 }
 
 impl Detector {

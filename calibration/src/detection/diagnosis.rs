@@ -6,7 +6,7 @@ use opencv::prelude::*;
 
 use crate::cv;
 use crate::detection::board::Board;
-use crate::detection::chessboard::{full_scale, scaled};
+use crate::detection::chessboard::{self, QUICK_PX, full_scale, scaled};
 use crate::detection::found::SeenCorner;
 use crate::detection::missing::NoBoard;
 use crate::detection::quality::{BoardQuality, CLIPPED, useless};
@@ -61,6 +61,26 @@ pub(crate) fn larger_than(
     Ok(Some(NoBoard::OtherBoard { seen, asked: long_and_short(board.columns, board.rows) }))
 }
 
+/// The size of the chessboard that a picture shows in place of `board`, longer side first, by a
+/// quick look; None where `board` itself is seen, or nothing that is surely a board.
+pub(crate) fn other_size(photo: &Photo, board: &Board) -> Result<Option<[usize; 2]>> {
+    let grey = photo.detector_grey();
+    if chessboard::is_there(&grey, photo.width, board)? {
+        return Ok(None);
+    }
+    let failed = CalibrationError::opencv("looking for other chessboards");
+    let full = cv::grey_mat(&grey, photo.width).map_err(&failed)?;
+    let scale = (QUICK_PX / photo.width.max(photo.height) as f64).min(1.0);
+    let asked = long_and_short(board.columns, board.rows);
+    let Some(grid) = grid_at(&full, scale).map_err(&failed)? else { return Ok(None) };
+    let squares = Squares::new(&grid.board, &grid.corners, &grey, photo.width);
+    // A part of the board is no other board.
+    let whole = !squares.cut_off() && !squares.go_on();
+    let sure = grid.corners.len() >= FEWEST_CORNERS && whole && squares.are_a_board();
+    let seen = long_and_short(grid.board.columns, grid.board.rows);
+    Ok((sure && seen != asked).then_some(seen))
+}
+
 /// A chessboard of whatever size.
 struct FoundGrid {
     board: Board,
@@ -74,7 +94,7 @@ fn largest_grid(photo: &Photo, grey: &[u8]) -> Result<Option<FoundGrid>> {
     let failed = CalibrationError::opencv("looking for other chessboards");
     let full = cv::grey_mat(grey, photo.width).map_err(&failed)?;
     let longest = photo.width.max(photo.height) as f64;
-    let normal = (900.0 / longest).min(1.0);
+    let normal = (QUICK_PX / longest).min(1.0);
     let mut best: Option<FoundGrid> = None;
     for scale in [normal, normal / 2.0, (2.0 * normal).min(4.0)] {
         let Some(grid) = grid_at(&full, scale).map_err(&failed)? else { continue };

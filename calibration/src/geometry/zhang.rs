@@ -8,10 +8,15 @@ use crate::error::{CalibrationError, Result};
 use crate::geometry::camera::View;
 use crate::geometry::camera_model::CameraModel;
 use crate::geometry::pose::Pose;
+use crate::median::median;
 
 /// Change of depth across a board, relative to its distance, below which it counts as parallel to
 /// the sensor: what a corner found 0.3 px wrong does to a board 100 px wide.
 const LEAST_FORESHORTENING: f64 = 0.01;
+
+/// Half of a board's points lie within this share of its size of where a plane map has them: the
+/// strongest lens bends less. In another order they lie anywhere.
+const MOST_APART: f64 = 0.15;
 
 /// Camera of `size` pixels and the pose of each view's board.
 ///
@@ -38,6 +43,19 @@ pub(crate) fn closed_form(views: &[View], size: [usize; 2]) -> Result<(CameraMod
             })
         })
         .collect::<Result<Vec<_>>>()?;
+    for (view, map) in views.iter().zip(&maps) {
+        let (off, across) = apart(view, map, middle, unit);
+        if off > MOST_APART * across {
+            return Err(CalibrationError::Mismatch {
+                picture: view.name.clone(),
+                expected: "points of a plane in the order of its places".into(),
+                found: format!(
+                    "half of them {off:.0} px or more from where any view of the plane has them: \
+                     another order?"
+                ),
+            });
+        }
+    }
     let steepest = views.iter().zip(&maps).map(|(v, h)| foreshortening(v, h)).fold(0.0, f64::max);
     if steepest < LEAST_FORESHORTENING {
         return Err(degenerate(format!(
@@ -53,6 +71,21 @@ pub(crate) fn closed_form(views: &[View], size: [usize; 2]) -> Result<(CameraMod
     let focal = [unit * k[(0, 0)], unit * k[(1, 1)]];
     let centre = [unit * k[(0, 2)] + middle[0], unit * k[(1, 2)] + middle[1]];
     Ok((CameraModel::pinhole(size, focal, centre), poses))
+}
+
+/// How far from their places under a map half of a view's points are, and how far from their
+/// middle, pixels.
+fn apart(view: &View, h: &Matrix3<f64>, middle: [f64; 2], unit: f64) -> (f64, f64) {
+    let n = view.image_points.len().max(1) as f64;
+    let mean = [0, 1].map(|a| view.image_points.iter().map(|p| p[a]).sum::<f64>() / n);
+    let (mut off, mut across) = (Vec::new(), Vec::new());
+    for (place, p) in view.object_points.iter().zip(&view.image_points) {
+        let q = h * Vector3::new(place[0], place[1], 1.0);
+        let seen = [0, 1].map(|a| unit * q[a] / q[2] + middle[a]);
+        off.push((seen[0] - p[0]).hypot(seen[1] - p[1]));
+        across.push((p[0] - mean[0]).hypot(p[1] - mean[1]));
+    }
+    (median(&mut off).unwrap_or(0.0), median(&mut across).unwrap_or(0.0))
 }
 
 /// The plane projective map from `from` to `to` with the least algebraic error on centred, scaled

@@ -47,13 +47,13 @@ pub fn check_brightness(bracket: &[Brightness]) -> Result<()> {
             if most > SAME_LIGHT * least {
                 let times = most / least;
                 return refuse(format!(
-                    "{one} and {other} of {t} and {u} s, one {times:.1} times as bright as the other"
+                    "{one} and {other} of {t:.4} and {u:.4} s, one {times:.1} times as bright as the other"
                 ));
             }
         } else if long.mean < (1.0 - DRIFT) * mean {
-            return refuse(format!("{other} ({u} s) darker than {one} ({t} s)"));
+            return refuse(format!("{other} ({u:.4} s) darker than {one} ({t:.4} s)"));
         } else if long.mean == *mean && (0.01..0.99).contains(mean) {
-            return refuse(format!("{other} ({u} s) no brighter than {one} ({t} s)"));
+            return refuse(format!("{other} ({u:.4} s) no brighter than {one} ({t:.4} s)"));
         }
     }
     Ok(())

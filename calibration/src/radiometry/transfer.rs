@@ -15,6 +15,9 @@ use crate::radiometry::noise::NoiseModel;
 /// Largest relative difference of brightness between the two frames of a pair: lamps flicker less.
 const SAME_LIGHT: f64 = 0.02;
 
+/// Brightnesses that differ by less than this share of the largest are one: no line to be seen.
+const LEAST_RANGE: f64 = 0.2;
+
 /// A figure with its 1-sigma uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
@@ -151,12 +154,27 @@ impl PhotonTransfer {
         };
         let darks: Vec<&TransferPoint> =
             self.points.iter().filter(|p| p.dark_s.is_some()).collect();
-        let flats = self.points.len() - darks.len();
         let Some(shape) = self.shape.as_ref().filter(|_| !darks.is_empty()) else {
             return few("photon transfer (pairs of dark frames)", 1, darks.len());
         };
+        // Each pair counts once, whatever its channels.
+        let lit = |p: &&TransferPoint| p.dark_s.is_none();
+        let flats = self.points.iter().filter(lit).count() / shape.channels.max(1);
         if flats < 2 {
             return few("photon transfer (pairs of flat frames)", 2, flats);
+        }
+        let range = |channel: usize| {
+            let own = self.points.iter().filter(lit).skip(channel).step_by(shape.channels.max(1));
+            own.fold((f64::MAX, f64::MIN), |(l, m), p| (l.min(p.mean), m.max(p.mean)))
+        };
+        if (0..shape.channels).map(range).all(|(least, most)| most - least < LEAST_RANGE * most) {
+            let (least, most) = range(0);
+            return Err(CalibrationError::BadInput {
+                what: "flat frames".into(),
+                expected: "pairs of different brightness, from dark to just below saturation"
+                    .into(),
+                found: format!("{flats} pairs of {least:.0} to {most:.0} DN"),
+            });
         }
         let (black, dark_current) = dark_line(&darks);
         let mut line = ([1.0, 1.0], [[0.0; 2]; 2]);

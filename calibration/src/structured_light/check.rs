@@ -3,6 +3,7 @@
 use crate::error::{CalibrationError, Result};
 use crate::photo::Photo;
 use crate::structured_light::layout::CodeLayout;
+use crate::structured_light::pairing::Pairing;
 use crate::structured_light::samples::Samples;
 
 /// Pixels of which picture and inverse are both lit or both dark, as a share of the lit pixels:
@@ -10,9 +11,9 @@ use crate::structured_light::samples::Samples;
 const MOST_UNPAIRED: f64 = 0.15;
 /// Way that a code goes along a line over the range that it covers: 1 where the surface is smooth,
 /// more where objects stand in front of each other, which is then looked into.
-const MOST_DETOUR: f64 = 1.2;
+const MOST_DETOUR: f64 = 1.05;
 /// A sequence is taken for swapped only if putting it right shortens the way to this share.
-const SWAPPED: f64 = 0.75;
+const SWAPPED: f64 = 0.93;
 
 /// Checks number, sizes and order of the pictures. Returns the standard deviation of a difference
 /// of two pictures where nothing changes, codes.
@@ -38,34 +39,38 @@ pub(crate) fn check_sequence(layout: &CodeLayout, pictures: &[Photo]) -> Result<
         Err(CalibrationError::CodeSequence { picture: name(at).into(), reason })
     };
     let [white, black] = layout.white_black_at();
-    let [light, dark] = [white, black].map(|at| samples.mean(at));
-    if light < dark {
-        return wrong(
-            white,
-            format!("expected all light, but {} is brighter: the two look exchanged", name(black)),
-        );
-    }
     if samples.lit() == 0 {
         return wrong(
             white,
             format!("nowhere brighter than {}: nothing is lit by the projector", name(black)),
         );
     }
-    let mut order: Vec<usize> = (0..layout.pictures()).collect();
-    let unpaired = samples.unpaired(&order, MOST_UNPAIRED);
-    if let Some(&first) = unpaired.first() {
-        // Exchange any two of the doubtful pictures, and white and black with them.
-        let mut doubtful: Vec<usize> = unpaired.iter().flat_map(|&at| [at, at + 1]).collect();
-        doubtful.extend([white, black]);
-        if let Some((a, b)) = samples.best_exchange(&mut order, &doubtful, MOST_UNPAIRED) {
-            return wrong(a, format!("looks exchanged with {}", name(b)));
-        }
-        if let Some((a, b)) = samples.twins(&doubtful) {
+    let order: Vec<usize> = (0..layout.pictures()).collect();
+    let mending = Pairing::of(&samples).exchanges(&samples);
+    let mending = samples.likeliest(&mending, layout.back_lit);
+    if let Some((&(a, b), others)) = mending.split_first() {
+        return wrong(
+            a,
+            format!("looks exchanged with {}{}", name(b), alternatives(others, &name)),
+        );
+    }
+    if samples.brighter(black, white) {
+        return wrong(
+            white,
+            format!("expected all light, but {} is brighter: the two look exchanged", name(black)),
+        );
+    }
+    if let Some(&first) = samples.unpaired(&order, MOST_UNPAIRED).first() {
+        if let Some((a, b)) = samples.twins(&[first, first + 1]) {
             return wrong(a, format!("shows the same as {}, but must not", name(b)));
         }
         return wrong(
             first,
-            format!("does not go with {}, which should be its inverse", name(first + 1)),
+            format!(
+                "does not go with {}, which should be its inverse: one of the two is of another \
+                 place or pose",
+                name(first + 1)
+            ),
         );
     }
     for axis in 0..2 {
@@ -83,23 +88,30 @@ pub(crate) fn check_sequence(layout: &CodeLayout, pictures: &[Photo]) -> Result<
     let handedness = samples.handedness(&order);
     let mirrored = handedness < 0.0;
     if handedness != 0.0 && mirrored != layout.back_lit {
-        let [column, row] = [0, 1].map(|axis| layout.bit_at(axis, layout.bits(axis) - 1));
         let seen = if mirrored {
             "mirrored, as if lit from behind"
         } else {
             "not mirrored, though it is lit from behind"
         };
+        let mirroring = samples.mirroring(&order);
+        let Some((&(a, b), others)) = mirroring.split_first() else {
+            return wrong(white, format!("the projector's picture appears {seen}"));
+        };
         return wrong(
-            column,
+            a,
             format!(
-                "the projector's picture appears {seen}: exchanged with {}, or {} with {}?",
-                name(column + 1),
-                name(row),
-                name(row + 1)
+                "the projector's picture appears {seen}: exchanged with {}{}?",
+                name(b),
+                alternatives(others, &name)
             ),
         );
     }
     Ok(samples.noise())
+}
+
+/// Other exchanges that explain the pictures as well.
+fn alternatives<'a>(exchanges: &[(usize, usize)], name: &dyn Fn(usize) -> &'a str) -> String {
+    exchanges.iter().map(|&(a, b)| format!(", or {} with {}", name(a), name(b))).collect()
 }
 
 fn check_shapes(pictures: &[Photo]) -> Result<()> {

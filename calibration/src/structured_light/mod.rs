@@ -6,6 +6,7 @@ pub(crate) mod corners;
 pub(crate) mod decode;
 pub(crate) mod homography;
 pub(crate) mod layout;
+pub(crate) mod pairing;
 pub(crate) mod phase;
 pub(crate) mod samples;
 pub(crate) mod steps;

@@ -14,23 +14,33 @@ const LINES: usize = 16;
 const LIT: f64 = 0.1;
 /// A relative brightness above 1 − this is lit beyond doubt, below this dark.
 const CLEAR: f32 = 0.2;
+/// A picture and its inverse are told apart if they differ by this share of a pixel's range, and
+/// by so many of the noise's standard deviations: what blur leaves of the finest stripes.
+const APART: f32 = 0.05;
+const APART_SIGMAS: f64 = 4.0;
 /// Share of the lit pixels where a bit that is of use can be told from its inverse.
-const LEAST_CLEAR: f64 = 0.3;
+const LEAST_APART: f64 = 0.3;
+/// Ways that differ by less than this factor tell nothing: some pixels at the edges of the light.
+const AS_SHORT: f64 = 1.1;
 
 /// Grey codes on some lines of the camera's picture.
 pub(crate) struct Samples {
-    /// Bits of each axis, from the coarsest, before the blur drowns them.
+    /// Bits of each axis.
     bits: [u32; 2],
+    /// Place of each axis' coarsest bit.
     bit_at: [usize; 2],
     /// For each lit pixel: its code in each picture up to black, as a share from its darkest to
     /// its brightest.
-    shares: Vec<Vec<f32>>,
+    pub(crate) shares: Vec<Vec<f32>>,
+    /// For each lit pixel the least share that a picture must differ from its inverse by.
+    apart: Vec<f32>,
     /// Whether a lit pixel gets most of its light straight from the projector.
     direct: Vec<bool>,
     /// Which line a lit pixel is on; the even ones run along rows. Neighbours on a line follow
     /// each other.
     lines: Vec<usize>,
-    means: Vec<f64>,
+    /// Pictures up to black.
+    pictures: usize,
     noise: f64,
 }
 
@@ -51,13 +61,20 @@ impl Samples {
             (low, high.saturating_sub(low))
         };
         let spreads: Vec<(i32, i32)> = codes.iter().map(|c| spread(c)).collect();
-        // White and black may be unmasked where the patterns are not.
-        let patterns = |c: &[i32]| spread(c.get(..white).unwrap_or(c)).1;
+        // A masked picture is dark away from the board in all patterns, in white perhaps not,
+        // wherever that stands. Half of the patterns light a pixel: of all, the middle half differ.
+        let patterns = |codes: &[i32]| {
+            let mut codes = codes.to_vec();
+            let quarter = codes.len() / 4;
+            let low = *codes.select_nth_unstable(quarter).1;
+            *codes.select_nth_unstable(3 * quarter).1 - low
+        };
         let most = spreads.iter().map(|s| s.1).max().unwrap_or(0);
         let least = (LIT * f64::from(most)).max(2.0) as i32;
         let pairs = white / 2;
         let mut noise = Vec::new();
         let (mut shares, mut lines, mut direct) = (Vec::new(), Vec::new(), Vec::new());
+        let mut ranges = Vec::new();
         let fine: Vec<usize> = fine_pictures(layout).collect();
         for ((codes, &(low, high)), &(line, ..)) in codes.iter().zip(&spreads).zip(&places) {
             if high < least || patterns(codes) < least {
@@ -65,6 +82,7 @@ impl Samples {
             }
             shares.push(codes.iter().map(|&c| (c - low) as f32 / high as f32).collect());
             lines.push(line);
+            ranges.push(high);
             let fine: Vec<i32> = fine.iter().filter_map(|&at| codes.get(at).copied()).collect();
             let (darkest, range) = spread(&fine);
             let dark = codes.get(black).copied().unwrap_or(low);
@@ -73,37 +91,32 @@ impl Samples {
             let sum = |pair: usize| codes[2 * pair] + codes[2 * pair + 1];
             noise.extend((1..pairs).map(|pair| (sum(pair) - sum(pair - 1)).abs()));
         }
-        let usable = |axis: usize| {
-            let clear = |at: usize| {
-                let apart = |s: &&Vec<f32>| (s[at] - s[at + 1]).abs() >= CLEAR;
-                shares.iter().filter(apart).count() as f64 >= LEAST_CLEAR * shares.len() as f64
-            };
-            let bits = (0..layout.bits(axis)).rev();
-            bits.take_while(|&bit| clear(layout.bit_at(axis, bit))).count() as u32
-        };
-        let bits = [0, 1].map(usable);
-        let mean = |picture: usize| {
-            let sum: f64 = codes.iter().map(|c| f64::from(c[picture])).sum();
-            sum / codes.len().max(1) as f64
-        };
-        let means = (0..=black.min(pictures.len().saturating_sub(1))).map(mean).collect();
         // Picture plus inverse is the same for all bits; the difference of two such sums has four
         // pictures' noise, that of picture and inverse two.
         let median = median_of_whole(noise);
+        let noise = (1.4826 * median / 2_f64.sqrt()).max(0.5);
+        let apart = |range: &i32| APART.max((APART_SIGMAS * noise) as f32 / *range as f32);
         Self {
-            bits,
+            bits: [0, 1].map(|axis| layout.bits(axis)),
             bit_at: [0, 1].map(|axis| layout.bit_at(axis, layout.bits(axis) - 1)),
+            apart: ranges.iter().map(apart).collect(),
             shares,
             direct,
             lines,
-            means,
-            noise: (1.4826 * median / 2_f64.sqrt()).max(0.5),
+            pictures: (black + 1).min(pictures.len()),
+            noise,
         }
     }
 
-    /// Mean code of a picture over all lines.
-    pub(crate) fn mean(&self, picture: usize) -> f64 {
-        self.means.get(picture).copied().unwrap_or(0.0)
+    /// Pictures up to black.
+    pub(crate) fn pictures(&self) -> usize {
+        self.pictures
+    }
+
+    /// Whether more of the lit pixels are brighter in picture `a` than in `b` than the other way.
+    pub(crate) fn brighter(&self, a: usize, b: usize) -> bool {
+        self.shares.iter().filter(|s| s[a] > s[b]).count()
+            > self.shares.iter().filter(|s| s[a] < s[b]).count()
     }
 
     /// Lit pixels.
@@ -119,8 +132,8 @@ impl Samples {
     /// The first picture of each pair that is not picture and inverse, or white and black, if
     /// place i of the sequence is taken by picture `order[i]`.
     pub(crate) fn unpaired(&self, order: &[usize], most: f64) -> Vec<usize> {
-        let pairs = (0..self.means.len() / 2).map(|pair| 2 * pair);
-        let last = self.means.len().saturating_sub(2);
+        let pairs = (0..self.pictures / 2).map(|pair| 2 * pair);
+        let last = self.pictures.saturating_sub(2);
         let share = |at: usize| {
             let same = |s: &&Vec<f32>| {
                 let [a, b] = [order[at], order[at + 1]].map(|picture| s[picture]);
@@ -132,37 +145,13 @@ impl Samples {
         pairs.filter(|&at| share(at) > most).collect()
     }
 
-    /// The exchange of two of the `doubtful` pictures that pairs all of them, and of several the
-    /// one whose code goes the shortest way.
-    pub(crate) fn best_exchange(
-        &self,
-        order: &mut [usize],
-        doubtful: &[usize],
-        most: f64,
-    ) -> Option<(usize, usize)> {
-        let mut best: Option<(f64, (usize, usize))> = None;
-        for (i, &a) in doubtful.iter().enumerate() {
-            for &b in &doubtful[i + 1..] {
-                order.swap(a, b);
-                if self.unpaired(order, most).is_empty() {
-                    let length = self.way(order, 0).length + self.way(order, 1).length;
-                    if best.is_none_or(|(least, _)| length < least) {
-                        best = Some((length, (a, b)));
-                    }
-                }
-                order.swap(a, b);
-            }
-        }
-        best.map(|(_, pair)| pair)
-    }
-
     /// Of the `doubtful` pictures one that looks like any other picture, and that one.
     pub(crate) fn twins(&self, doubtful: &[usize]) -> Option<(usize, usize)> {
         let alike = |a: usize, b: usize| {
             let far = self.shares.iter().filter(|s| (s[a] - s[b]).abs() > CLEAR).count();
             a != b && (far as f64) < 0.01 * self.lit() as f64
         };
-        let others = 0..self.means.len();
+        let others = 0..self.pictures;
         doubtful.iter().find_map(|&a| others.clone().find(|&b| alike(a, b)).map(|b| (a, b)))
     }
 
@@ -170,8 +159,9 @@ impl Samples {
     pub(crate) fn way(&self, order: &[usize], axis: usize) -> Way {
         let mut way = Way { length: 0.0, range: 0.0 };
         let mut line: Option<(usize, u32, u32, u32)> = None;
-        for (shares, number) in self.direct_ones() {
-            let Some(code) = self.code(shares, order, axis) else { continue };
+        let bits = self.usable(order, axis);
+        for (pixel, number) in self.direct_ones() {
+            let Some(code) = self.code(pixel, order, axis, bits) else { continue };
             line = match line {
                 Some((current, last, low, high)) if current == number => {
                     way.length += f64::from(code.abs_diff(last));
@@ -188,19 +178,33 @@ impl Samples {
     }
 
     /// Pixels whose code means something, each with its line.
-    fn direct_ones(&self) -> impl Iterator<Item = (&[f32], usize)> {
-        let pixels = self.shares.iter().zip(&self.lines).zip(&self.direct);
-        pixels.filter(|(_, direct)| **direct).map(|((shares, &line), _)| (shares.as_slice(), line))
+    fn direct_ones(&self) -> impl Iterator<Item = (usize, usize)> {
+        let pixels = self.lines.iter().zip(&self.direct).enumerate();
+        pixels.filter(|(_, (_, direct))| **direct).map(|(pixel, (&line, _))| (pixel, line))
     }
 
-    /// The code of an axis by its usable bits, where none of them is in doubt.
-    fn code(&self, shares: &[f32], order: &[usize], axis: usize) -> Option<u32> {
+    /// Bits of an axis, from the coarsest, before the blur drowns them.
+    fn usable(&self, order: &[usize], axis: usize) -> u32 {
+        let enough = LEAST_APART * self.lit() as f64;
         let first = self.bit_at[axis];
+        let told = |bit: &u32| {
+            let at = first + 2 * *bit as usize;
+            let pixels = self.shares.iter().zip(&self.apart);
+            let apart =
+                pixels.filter(|(s, least)| (s[order[at]] - s[order[at + 1]]).abs() >= **least);
+            apart.count() as f64 >= enough
+        };
+        (0..self.bits[axis]).take_while(told).count() as u32
+    }
+
+    /// The code of an axis by its coarsest `bits`, where none of them is in doubt.
+    fn code(&self, pixel: usize, order: &[usize], axis: usize, bits: u32) -> Option<u32> {
+        let (shares, first) = (&self.shares[pixel], self.bit_at[axis]);
         let mut gray = 0;
-        for bit in 0..self.bits[axis] {
+        for bit in 0..bits {
             let at = first + 2 * bit as usize;
             let [p, q] = [order[at], order[at + 1]].map(|picture| shares[picture]);
-            if (p - q).abs() < CLEAR {
+            if (p - q).abs() < self.apart[pixel] {
                 return None;
             }
             gray = gray << 1 | u32::from(p > q);
@@ -240,6 +244,46 @@ impl Samples {
         best.1
     }
 
+    /// Of some exchanges the likeliest: those that leave the projector's picture turned as
+    /// `mirrored` says, if any do, and of these the ones whose codes go the shortest way.
+    pub(crate) fn likeliest(
+        &self,
+        exchanges: &[(usize, usize)],
+        mirrored: bool,
+    ) -> Vec<(usize, usize)> {
+        let mut order: Vec<usize> = (0..self.pictures).collect();
+        let tried = exchanges.iter().map(|&(a, b)| {
+            order.swap(a, b);
+            let turned = (self.handedness(&order) < 0.0) != mirrored;
+            let length = self.way(&order, 0).length + self.way(&order, 1).length;
+            order.swap(a, b);
+            (turned, length, (a, b))
+        });
+        let tried: Vec<_> = tried.collect();
+        let any = tried.iter().any(|t| !t.0);
+        let left = || tried.iter().filter(|t| !(any && t.0));
+        let least = left().map(|t| t.1).fold(f64::INFINITY, f64::min);
+        left().filter(|t| t.1 <= AS_SHORT * least).map(|t| t.2).collect()
+    }
+
+    /// The bits, of both axes, that would mirror a code without a jump if their picture and inverse
+    /// were exchanged: those that the lit pixels lie to one side of the middle of.
+    pub(crate) fn mirroring(&self, order: &[usize]) -> Vec<(usize, usize)> {
+        let mut out = Vec::new();
+        for axis in 0..2 {
+            let length = self.way(order, axis).length;
+            for bit in 0..self.usable(order, axis) {
+                let at = self.bit_at[axis] + 2 * bit as usize;
+                let mut order = order.to_vec();
+                order.swap(at, at + 1);
+                if self.way(&order, axis).length <= AS_SHORT * length {
+                    out.push((at, at + 1));
+                }
+            }
+        }
+        out
+    }
+
     /// Positive if columns and rows turn the same way round in the projector's picture as in the
     /// camera's.
     pub(crate) fn handedness(&self, order: &[usize]) -> f64 {
@@ -247,8 +291,9 @@ impl Samples {
         let mut slopes = [[0.0; 2]; 2];
         for (axis, slope) in slopes.iter_mut().enumerate() {
             let mut last: Option<(usize, u32)> = None;
-            for (shares, line) in self.direct_ones() {
-                let Some(code) = self.code(shares, order, axis) else { continue };
+            let bits = self.usable(order, axis);
+            for (pixel, line) in self.direct_ones() {
+                let Some(code) = self.code(pixel, order, axis, bits) else { continue };
                 if let Some((_, before)) = last.filter(|(on, _)| *on == line) {
                     // One wild step must not outweigh a line of small ones.
                     slope[line % 2] += (f64::from(code) - f64::from(before)).clamp(-8.0, 8.0);

@@ -4,12 +4,14 @@ use super::boards::session_geometry;
 use super::guide;
 use super::options::verdict_text;
 use crate::Failure;
+use crate::cli::STOP;
 use crate::output::{Done, Progress};
 use crate::report::calibration_page;
+use crate::sensor::Sensor;
 use crate::session::{RigConfig, Session};
 use calibration::{
     Assessment, Board, CameraModel, FacePlane, Geometry, HdrImage, NoiseModel, Photo, Pose,
-    ProjectorGeometry, Response, Verdict, WhiteBalance, find_chart, merge, pose_from_points,
+    ProjectorGeometry, Response, Verdict, WhiteBalance, find_chart, pose_from_points,
     recover_response_above, rectify, reprojection_rms, white_balance, write_geometry,
 };
 use material::{Face, Overwrite, atomic_write};
@@ -18,10 +20,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 
 pub(crate) const RESULT: &str = "calibration/calibration.json";
 /// The geometry alone, with its observations, in the form that `calibrate convert` reads.
 const GEOMETRY: &str = "calibration/geometry.toml";
+/// Relative difference of exposure times that are one.
+const SAME_TIME: f64 = 1e-6;
 /// The page about it.
 const PAGE: &str = "calibration/calibration.html";
 const COMMAND: &str = "diaphane calibrate all SESSION";
@@ -180,9 +185,11 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
 
     progress.set(0, "camera and projector");
     let (geometry, missed) = session_geometry(session, &board)?;
+    go_on()?;
     let verdict = write_evidence(session, &geometry, &missed, overwrite)?;
     let camera = geometry.camera.model;
 
+    go_on()?;
     progress.set(2, "face");
     let (pose, front_rms_px) = face_pose(session, &camera, &board, "face-board-front")?;
     let thickness_mm = match session.config.sample.lit_face {
@@ -191,12 +198,15 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     };
     let front = FacePlane { device: camera, pose, z_mm: 0.0 };
 
+    go_on()?;
     progress.set(3, "response");
     let response = recover_response_above(&response_bracket(session)?, noise.black_level)?;
 
+    go_on()?;
     progress.set(4, "white");
+    let sensor = Sensor::of(session)?;
     let merged = |shot: &str| -> Result<HdrImage, Failure> {
-        merge_shot(session, shot, &plan.reference_bracket_s, &response, &noise)
+        merge_shot(session, shot, &plan.reference_bracket_s, &response, &sensor)
     };
     let chart = subtract(merged("chart")?, &merged("chart-black")?);
     let balance = white_balance(&find_chart(&chart, "chart")?)?;
@@ -235,9 +245,19 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
         irradiance,
         white_disagreement,
     };
+    go_on()?;
     session.write_json(RESULT, &found, overwrite)?;
     progress.finish("done");
     Ok(found)
+}
+
+/// Ends the work where Ctrl-C was pressed; nothing is written then.
+pub(super) fn go_on() -> Result<(), Failure> {
+    if STOP.load(Ordering::Relaxed) {
+        return Err(Failure::other("interrupted; the pictures are kept, nothing was replaced")
+            .hint("the same command goes on from here"));
+    }
+    Ok(())
 }
 
 /// Writes what the geometry rests on, for people and for other programs.
@@ -273,17 +293,47 @@ pub(crate) fn frame_photo_repeat(
     exposure: usize,
     repeat: u32,
 ) -> Result<Photo, Failure> {
+    Ok(frame_and_time(session, shot, exposure, repeat)?.0)
+}
+
+/// A frame, and the exposure time that was asked for, seconds.
+pub(crate) fn frame_and_time(
+    session: &Session,
+    shot: &str,
+    exposure: usize,
+    repeat: u32,
+) -> Result<(Photo, f64), Failure> {
     let command = "diaphane capture SESSION";
     let path = session.required(&frame_path(shot, exposure, repeat), command)?;
-    let (frame, _) = read_frame(&path)?;
-    Ok(Photo {
+    let (frame, taken) = read_frame(&path)?;
+    let photo = Photo {
         width: frame.width as usize,
         height: frame.height as usize,
         channels: usize::from(frame.channels),
         max_value: frame.max_value(),
         data: frame.data,
         name: shot.to_owned(),
-    })
+    };
+    Ok((photo, taken.requested_s))
+}
+
+/// As [`frame_photo`], if it was exposed for the time that the plan has now.
+fn timed_frame(
+    session: &Session,
+    shot: &str,
+    exposure: usize,
+    planned_s: f64,
+) -> Result<Photo, Failure> {
+    let (photo, taken_s) = frame_and_time(session, shot, exposure, 0)?;
+    if (taken_s / planned_s - 1.0).abs() > SAME_TIME {
+        let file = frame_path(shot, exposure, 0);
+        let error = format!("{file}: expected {planned_s:.5} s as planned, found {taken_s:.5} s");
+        return Err(Failure::input(error).hint(format!(
+            "the exposures in session.toml were changed after it was taken: change them back, or move {} aside and capture again",
+            session.path("frames").join(shot).display()
+        )));
+    }
+    Ok(photo)
 }
 
 /// The pictures that the camera's response is recovered from.
@@ -299,10 +349,13 @@ pub(crate) fn merge_shot(
     shot: &str,
     times: &[f64],
     response: &Response,
-    noise: &NoiseModel,
+    sensor: &Sensor,
 ) -> Result<HdrImage, Failure> {
-    let frames = times.iter().enumerate().map(|(e, t)| Ok((frame_photo(session, shot, e)?, *t)));
-    merge::<Failure>(frames, response, noise)
+    let mut merger = sensor.merger(response, times)?;
+    for (e, &t) in times.iter().enumerate() {
+        merger.add(timed_frame(session, shot, e, t)?, t)?;
+    }
+    Ok(merger.finish()?.0)
 }
 
 /// light − dark, variances added.

@@ -1,6 +1,6 @@
 //! Camera and projector from a session's pictures of boards, printed and projected.
 
-use super::all::frame_photo;
+use super::all::{frame_photo, go_on};
 use super::coded::coded_corners;
 use crate::Failure;
 use crate::session::Session;
@@ -25,6 +25,7 @@ pub(super) fn session_geometry(
     let mirrored = session.config.sample.lit_face == Face::Back;
     let mut views = Vec::new();
     for board in printed {
+        go_on()?;
         views.push(match plan.projector_method.code(plan.projector_px) {
             Some(code) => RigView {
                 coded: coded_corners(session, &code, &board)?,
@@ -47,6 +48,7 @@ pub(super) fn session_geometry(
         });
     }
     let lit = plan.projector_px.map(|n| n as usize);
+    go_on()?;
     let geometry = calibrate_geometry(&views, size, Some(lit), Choice::default())?;
     Ok((geometry, missed))
 }
@@ -55,6 +57,7 @@ pub(super) fn session_geometry(
 fn printed_boards(session: &Session, board: &Board) -> Result<(Vec<View>, Vec<String>), Failure> {
     let (mut out, mut missed) = (Vec::new(), Vec::new());
     for pose in 0..session.config.plan.board_poses {
+        go_on()?;
         match board.view(&frame_photo(session, &format!("board-{:02}", pose + 1), 0)?) {
             Ok(view) => out.push(view),
             Err(error @ CalibrationError::BoardNotFound { .. }) => {

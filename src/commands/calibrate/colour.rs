@@ -3,7 +3,7 @@
 use super::colour_input::{self, Input};
 use super::swatches;
 use crate::Failure;
-use crate::output::Done;
+use crate::output::{Done, check_output};
 use calibration::{
     ChartReference, ColourCalibration, Illuminant, PATCH_NAMES, calibrate_colour, find_chart,
     read_chart,
@@ -26,7 +26,7 @@ pub(crate) struct Args {
     input: Input,
     /// Where the chart is, if it is not found: pixels of the middles of dark skin, bluish green,
     /// black and white
-    #[arg(long, num_args = 4, value_names = ["X,Y", "X,Y", "X,Y", "X,Y"], value_parser = pixel)]
+    #[arg(long, num_args = 4, allow_hyphen_values = true, value_names = ["X,Y", "X,Y", "X,Y", "X,Y"], value_parser = pixel)]
     chart: Option<Vec<[f64; 2]>>,
     /// Measured patches: a CSV with columns X, Y, Z or L, a, b and 24 lines; the manufacturer's
     /// values from November 2014 on if not given
@@ -77,6 +77,14 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Some(path) => ChartReference::load(path, args.light.into())?,
         None => ChartReference::published(),
     };
+    let first = args.input.first()?;
+    let base = args.output.clone().unwrap_or_else(|| first.with_extension("colour"));
+    let [file, swatch] = ["json", "png"].map(|extension| {
+        let mut name = base.clone().into_os_string();
+        name.push(format!(".{extension}"));
+        PathBuf::from(name)
+    });
+    [&file, &swatch].into_iter().try_for_each(|path| check_output(path, overwrite))?;
     let picture = colour_input::read(&args.input)?;
     let found = match args.chart.as_deref() {
         // A mosaic's quads are the pixels of its colour picture.
@@ -93,12 +101,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         )
     })?;
     let result = calibrate_colour(&patches, &reference)?;
-    let base = args.output.clone().unwrap_or_else(|| picture.path.with_extension("colour"));
-    let [file, swatch] = ["json", "png"].map(|extension| {
-        let mut name = base.clone().into_os_string();
-        name.push(format!(".{extension}"));
-        PathBuf::from(name)
-    });
     let text = serde_json::to_string_pretty(&result).map_err(Failure::other)?;
     let png = swatches::draw(&result)?;
     atomic_write(&file, overwrite, |out| out.write_all(text.as_bytes()))?;

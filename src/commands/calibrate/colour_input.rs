@@ -15,7 +15,7 @@ const NOTABLE: f64 = 0.05;
 pub(crate) struct Input {
     /// A picture of the chart: EXR, or sRGB as PNG, JPEG or TIFF. Several add up: one for each
     /// filter in front of the light
-    #[arg(long, required_unless_present = "frames", conflicts_with = "frames")]
+    #[arg(long, conflicts_with = "frames")]
     image: Vec<PathBuf>,
     /// The codes of a PNG, JPEG or TIFF are linear in the light
     #[arg(long, requires = "image")]
@@ -37,6 +37,18 @@ pub(crate) struct Input {
     flat: Option<PathBuf>,
 }
 
+impl Input {
+    /// The first picture's file, or the first bracket's folder.
+    pub fn first(&self) -> Result<&Path, Failure> {
+        self.image.iter().chain(&self.frames).next().map(PathBuf::as_path).ok_or_else(|| {
+            Failure::input("expected a picture of a ColorChecker Classic, found none").hint(
+                "give --image chart.jpg; or brackets of a raw sensor: --frames DIR --exposures \
+                 times.txt --mosaic rggb",
+            )
+        })
+    }
+}
+
 /// A linear colour picture of the chart.
 pub(crate) struct Picture {
     pub image: HdrImage,
@@ -44,17 +56,14 @@ pub(crate) struct Picture {
     pub binned: f64,
     /// The first file's or folder's name, for messages.
     pub name: String,
-    pub path: PathBuf,
 }
 
 pub(crate) fn read(input: &Input) -> Result<Picture, Failure> {
-    let (first, mut parts) = if let Some(first) = input.image.first() {
-        let parts = input.image.iter().map(|path| picture(path, input));
-        (first, parts.collect::<Result<Vec<_>, _>>()?)
-    } else if let Some(first) = input.frames.first() {
-        (first, brackets(input)?)
+    let first = input.first()?;
+    let mut parts = if input.image.is_empty() {
+        brackets(input)?
     } else {
-        return Err(Failure::input("neither --image nor --frames was given"));
+        input.image.iter().map(|path| picture(path, input)).collect::<Result<Vec<_>, _>>()?
     };
     let name = first.file_name().unwrap_or(first.as_os_str()).to_string_lossy().into_owned();
     let mut image = parts.remove(0);
@@ -71,7 +80,7 @@ pub(crate) fn read(input: &Input) -> Result<Picture, Failure> {
         divide(&mut image, &picture(path, input)?, path)?;
     }
     let binned = if input.mosaic.is_some() { 2.0 } else { 1.0 };
-    Ok(Picture { image, binned, name, path: first.clone() })
+    Ok(Picture { image, binned, name })
 }
 
 fn same_shape(image: &HdrImage, other: &HdrImage, path: &Path) -> Result<(), Failure> {

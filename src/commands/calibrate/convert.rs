@@ -1,7 +1,7 @@
 //! `diaphane calibrate convert`: a calibration for other programs, or from them.
 
 use crate::Failure;
-use crate::output::Done;
+use crate::output::{Done, check_output};
 use calibration::{
     Geometry, Pose, read_geometry, read_opencv, write_cameramodel, write_geometry, write_opencv,
 };
@@ -35,6 +35,7 @@ enum Which {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    check_output(&args.to, overwrite)?;
     let geometry = match suffix(&args.from).as_str() {
         "toml" => read_geometry(&args.from)?,
         "yml" | "yaml" | "xml" | "json" => read_opencv(&args.from)?,

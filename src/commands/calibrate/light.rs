@@ -3,10 +3,12 @@
 use super::all::{described, frame_photo_repeat, lit_z, load, merge_shot, subtract};
 use crate::Failure;
 use crate::output::{Done, Progress};
+use crate::sensor::Sensor;
 use crate::session::Session;
+use crate::wheel::{KnownWheel, LIGHT};
 use calibration::{
-    BurstFrame, ColourWheel, FacePlane, HdrImage, ProjectorFlatField, ProjectorLight,
-    find_colour_wheel, measure_projector_light,
+    BurstFrame, FacePlane, HdrImage, ProjectorFlatField, ProjectorLight, find_colour_wheel,
+    measure_projector_light,
 };
 use material::Overwrite;
 use rig::{BURST_SHOT, DARK_SHOT, WHITE_AGAIN_SHOT, grey_shot};
@@ -14,11 +16,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
 
-const RESULT: &str = "calibration/light.json";
 /// Columns and rows that the projector's picture is cut into for its evenness.
 const CELLS: [usize; 2] = [16, 12];
 /// Pixels of the sheet that a frame of the burst is averaged over: one in so many.
 const EVERY: usize = 5;
+/// There once the sample's pictures are being taken.
+const SAMPLE: &str = "frames/black";
 /// Change of the lamp over the ramp that is worth a word.
 const DRIFT: f64 = 0.01;
 
@@ -46,26 +49,26 @@ struct Measured {
     /// White after the ramp over white in it, less 1, and its 1-sigma: the lamp's drift.
     drift: (f64, f64),
     /// `None` if the light is steady within an exposure.
-    wheel: Option<ColourWheel>,
+    known_wheel: Option<KnownWheel>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    session.refuse_existing(RESULT, overwrite)?;
+    session.refuse_existing(LIGHT, overwrite)?;
     let found = measure(&session)?;
-    session.write_json(RESULT, &found, overwrite)?;
-    let planned = &session.config.plan.bracket_s;
-    Ok(Done::new(as_json(&found), describe(&found, planned)))
+    session.write_json(LIGHT, &found, overwrite)?;
+    Ok(Done::new(as_json(&found), describe(&found, &session)))
 }
 
 fn measure(session: &Session) -> Result<Measured, Failure> {
     let acquisition = session.acquisition();
     let (levels, times) = (acquisition.ramp(), acquisition.ramp_exposures_s());
     let found = load(session)?;
-    let (_, noise) = described(session)?;
+    let (_, described) = described(session)?;
+    let sensor = Sensor::of(session)?;
     let mut progress = Progress::new("projector light", levels.len() + 2);
-    let merged = |shot: &str| merge_shot(session, shot, &times, &found.response, &noise);
+    let merged = |shot: &str| merge_shot(session, shot, &times, &found.response, &sensor);
     let dark = merged(DARK_SHOT).map_err(|failure| {
         let folder = session.folder().display();
         failure.hint(format!("take them with: diaphane capture {folder} --light"))
@@ -100,7 +103,7 @@ fn measure(session: &Session) -> Result<Measured, Failure> {
             for repeat in 0..shot.repeats {
                 let photo = frame_photo_repeat(session, BURST_SHOT, e, repeat)?;
                 let seen = HdrImage::from_photo(&photo, &found.response)?;
-                let black = noise.black_level / f64::from(photo.max_value);
+                let black = described.black_level / f64::from(photo.max_value);
                 // One frame makes no bracket; its black is the camera's.
                 let light = means(&seen, &bright)
                     .into_iter()
@@ -110,9 +113,11 @@ fn measure(session: &Session) -> Result<Measured, Failure> {
             }
         }
     }
-    let wheel = find_colour_wheel(&burst)?;
+    let there = session.path(SAMPLE).exists().then(|| session.sample_bracket_s());
+    let asked_s = &session.config.plan.bracket_s;
+    let known_wheel = find_colour_wheel(&burst)?.map(|w| KnownWheel::new(w, asked_s, there));
     progress.finish("done");
-    Ok(Measured { light, flat_field, drift, wheel })
+    Ok(Measured { light, flat_field, drift, known_wheel })
 }
 
 /// Pixels of the sheet that white lights well.
@@ -163,19 +168,20 @@ fn as_json(found: &Measured) -> serde_json::Value {
         })
     });
     let channels: Vec<_> = channels.collect();
+    let wheel = found.known_wheel.as_ref().map(|known| &known.wheel);
     json!({
         "levels": found.light.levels,
         "channels": channels,
         "evenness": found.flat_field.evenness(),
         "drift": found.drift.0,
         "drift_sigma": found.drift.1,
-        "wheel_turn_s": found.wheel.as_ref().map(|w| w.turn_s),
-        "wheel_turn_sigma_s": found.wheel.as_ref().map(|w| w.turn_sigma_s),
-        "shortest_exposure_s": found.wheel.as_ref().map(|w| w.whole_turns_s(0.0)),
+        "wheel_turn_s": wheel.map(|w| w.turn_s),
+        "wheel_turn_sigma_s": wheel.map(|w| w.turn_sigma_s),
+        "shortest_exposure_s": wheel.map(|w| w.whole_turns_s(0.0)),
     })
 }
 
-fn describe(found: &Measured, planned: &[f64]) -> String {
+fn describe(found: &Measured, session: &Session) -> String {
     let mut text = String::from("channel   gamma (RMS)       contrast        at half input\n");
     for (i, c) in found.light.channels.iter().enumerate() {
         let name = ["red", "green", "blue"].get(i).copied().unwrap_or("grey");
@@ -208,14 +214,15 @@ fn describe(found: &Measured, planned: &[f64]) -> String {
     if drift.abs() > DRIFT.max(3.0 * sigma) {
         text += "; let it warm up for half an hour";
     }
-    text += &match &found.wheel {
+    text += &match &found.known_wheel {
         None => "\nno colour wheel: the light is steady in the shortest exposures".to_owned(),
-        Some(wheel) => wheel_text(wheel, planned),
+        Some(known) => wheel_text(known, &session.config.plan.bracket_s),
     };
     text
 }
 
-fn wheel_text(wheel: &ColourWheel, planned: &[f64]) -> String {
+fn wheel_text(known: &KnownWheel, asked: &[f64]) -> String {
+    let wheel = &known.wheel;
     let worst = |t: f64| wheel.scatter(t).into_iter().fold(0.0, f64::max);
     let mut text = format!(
         "\ncolour wheel: one turn in {:.3} ± {:.3} ms; expose for whole turns, at least {:.2} ms",
@@ -223,14 +230,15 @@ fn wheel_text(wheel: &ColourWheel, planned: &[f64]) -> String {
         1e3 * wheel.turn_sigma_s,
         1e3 * wheel.whole_turns_s(0.0)
     );
-    let advice = planned.iter().map(|&t| (t, worst(t), wheel.whole_turns_s(t)));
-    for (t, scatter, better) in advice.filter(|a| a.1 > 0.002) {
-        text += &format!(
-            "\n  {:.2} ms scatters by {:.1} %; better {:.2} ms",
-            1e3 * t,
-            100.0 * scatter,
-            1e3 * better
-        );
+    let taken = known.bracket_s(asked);
+    if taken != asked {
+        let times: Vec<String> = taken.iter().map(|t| format!("{:.4}", t)).collect();
+        text += &format!("\nthe sample is exposed for whole turns: {} s", times.join(" "));
+    }
+    // Those of pictures that were there already.
+    for t in taken.into_iter().filter(|t| worst(*t) > 0.002) {
+        let (scatter, better) = (100.0 * worst(t), 1e3 * wheel.whole_turns_s(t));
+        text += &format!("\n  {:.2} ms scatters by {scatter:.1} %; better {better:.2} ms", 1e3 * t);
     }
     text
 }

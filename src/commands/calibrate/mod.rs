@@ -16,7 +16,10 @@ mod projector;
 mod response;
 mod swatches;
 
-pub(crate) use all::{Calibrated, RESULT, is_done, lit_plane, load, merge_shot, solve, subtract};
+pub(crate) use all::{
+    Calibrated, RESULT, described, frame_and_time, is_done, lit_plane, load, merge_shot, solve,
+    subtract,
+};
 
 use crate::Failure;
 use crate::output::Done;

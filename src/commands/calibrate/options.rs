@@ -1,6 +1,7 @@
 //! Flags that the geometric calibrations share.
 
 use crate::Failure;
+use crate::output::check_output;
 use crate::report::calibration_page;
 use calibration::{
     Assessment, Board, Choice, Device, Distortion, Geometry, Grade, Sight, Verdict, write_geometry,
@@ -79,12 +80,8 @@ impl ResultArgs {
 
     /// Fails before the work where a result may not be written after it.
     pub fn check(&self) -> Result<(), Failure> {
-        for path in [&self.output, &self.page].into_iter().flatten() {
-            if !self.force && path.exists() {
-                return Err(material::FileError::Exists { path: path.clone() }.into());
-            }
-        }
-        Ok(())
+        let files = [&self.output, &self.page].into_iter().flatten();
+        files.into_iter().try_for_each(|path| check_output(path, self.overwrite()))
     }
 
     /// Writes what was asked for. `source` is what was calibrated from, in a word; `missed` says

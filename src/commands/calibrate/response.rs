@@ -1,8 +1,8 @@
 //! `diaphane calibrate response`: the camera's curve from any bracket of photographs.
 
 use crate::Failure;
-use crate::exposures::{exposures, response_bracket};
-use crate::output::Done;
+use crate::exposures::{exposures, refuse_one_time, response_bracket};
+use crate::output::{Done, check_output};
 use calibration::{ExposureTable, Response, recover_response, recover_response_above};
 use material::{Overwrite, atomic_write};
 use serde_json::json;
@@ -37,9 +37,14 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    let output = args.output.clone().unwrap_or_else(|| args.images.join("response.json"));
+    let drawing = output.with_extension("svg");
+    [&output, &drawing].into_iter().try_for_each(|path| check_output(path, overwrite))?;
     let mut warnings = Vec::new();
     let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
-    let bracket = response_bracket(&exposures(&args.images, table.as_ref(), &mut warnings)?)?;
+    let pictures = exposures(&args.images, table.as_ref(), &mut warnings)?;
+    refuse_one_time(&pictures)?;
+    let bracket = response_bracket(&pictures)?;
     let started = Instant::now();
     let response = match args.black {
         Some(black) => recover_response_above(&bracket, black)?,
@@ -47,8 +52,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     };
     let seconds = started.elapsed().as_secs_f64();
     let agreement = response.agreement(&bracket);
-    let output = args.output.clone().unwrap_or_else(|| args.images.join("response.json"));
-    let drawing = output.with_extension("svg");
     let text = serde_json::to_string(&response).map_err(Failure::other)?;
     atomic_write(&output, overwrite, |out| out.write_all(text.as_bytes()))?;
     atomic_write(&drawing, overwrite, |out| out.write_all(draw(&response).as_bytes()))?;
