@@ -1,6 +1,12 @@
 //! Speed of the merge beside OpenCV's MergeDebevec: sixteen colour frames of 512 × 768 pixels,
 //! 8 bits, of the same scene, and both with a response curve and for a linear camera.
 //!
+//! OpenCV's time depends on the allocator more than on the arithmetic: it asks for large pictures
+//! anew in every merge, and the system has to clear their pages. Two regimes bracket what users
+//! see: `MALLOC_MMAP_THRESHOLD_=131072`, where memory goes back at once, as in a program that
+//! merges now and then, and `MALLOC_MMAP_THRESHOLD_=4000000000 MALLOC_TRIM_THRESHOLD_=4000000000`,
+//! where it is kept. Without either the heap's layout decides, and the ratio means little.
+//!
 //! `cargo bench -p diaphane-calibration --features opencv-photo --bench merge` prints both in pixels of a frame per second.
 
 use calibration::{CalibrationError, NoiseModel, Photo, Response, merge};
