@@ -1,7 +1,7 @@
 //! Frames in memory and on disk: 16-bit PNG with everything about the frame inside.
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter};
+use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use material::{FileError, Overwrite, atomic_write};
@@ -103,6 +103,12 @@ pub enum FrameError {
         /// The value found.
         value: u16,
     },
+    /// It makes no PNG.
+    #[error("cannot be encoded as PNG: {0}")]
+    Encode(
+        /// Why.
+        String,
+    ),
     /// The file is no whole 16-bit PNG.
     #[error("{}: expected a whole 16-bit PNG, grey or RGB: {reason}", path.display())]
     Png {
@@ -174,22 +180,32 @@ pub fn write_frame(
     metadata: &FrameMetadata,
     overwrite: Overwrite,
 ) -> Result<(), FrameError> {
+    let bytes = encode_frame(frame, metadata)?;
+    atomic_write(path, overwrite, |file: &mut BufWriter<File>| file.write_all(&bytes))?;
+    Ok(())
+}
+
+/// The bytes that [`write_frame`] writes.
+///
+/// # Errors
+/// The frame does not [`Frame::check`].
+pub(crate) fn encode_frame(frame: &Frame, metadata: &FrameMetadata) -> Result<Vec<u8>, FrameError> {
     frame.check()?;
     let color = if frame.channels == 1 { png::ColorType::Grayscale } else { png::ColorType::Rgb };
-    let bytes: Vec<u8> = frame.data.iter().flat_map(|v| v.to_be_bytes()).collect();
-    atomic_write(path, overwrite, |file: &mut BufWriter<File>| {
-        let mut encoder = png::Encoder::new(file, frame.width, frame.height);
-        encoder.set_color(color);
-        encoder.set_depth(png::BitDepth::Sixteen);
-        encoder.set_compression(png::Compression::Fast);
-        encoder
-            .add_itxt_chunk(KEYWORD.into(), serde_json::to_string(metadata)?)
-            .map_err(io::Error::other)?;
-        let mut writer = encoder.write_header().map_err(io::Error::other)?;
-        writer.write_image_data(&bytes).map_err(io::Error::other)?;
-        writer.finish().map_err(io::Error::other)
-    })?;
-    Ok(())
+    let big_endian: Vec<u8> = frame.data.iter().flat_map(|v| v.to_be_bytes()).collect();
+    let text = serde_json::to_string(metadata).map_err(|e| FrameError::Encode(e.to_string()))?;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
+    encoder.set_color(color);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder.set_compression(png::Compression::Fast);
+    let written = encoder.add_itxt_chunk(KEYWORD.into(), text).and_then(|()| {
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(&big_endian)?;
+        writer.finish()
+    });
+    written.map_err(|e| FrameError::Encode(e.to_string()))?;
+    Ok(bytes)
 }
 
 /// Reads a frame that [`write_frame`] wrote.

@@ -13,6 +13,7 @@ mod pattern;
 mod plan;
 mod render;
 mod runner;
+mod writer;
 
 pub use acquisition::{
     Acquisition, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT, ProjectorMethod,

@@ -3,13 +3,16 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use material::{FileError, Overwrite, hash_file};
+use material::{FileError, hash_file};
 
+use crate::writer::{Taken, with_writer};
 use crate::{
     DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal, JournalError, Plan,
-    PlanError, ProjectorImage, Rig, Shot, StopStatus, Target, write_frame,
+    PlanError, ProjectorImage, Rig, Shot, StopStatus, Target,
 };
 
 /// Attempts at one request before a transient failure counts as a lasting one.
@@ -49,7 +52,7 @@ pub enum Step {
     Placing(Target),
     /// It was there already, unchanged.
     Kept,
-    /// It was taken.
+    /// It was taken, and is on its way to the disk.
     Taken,
     /// Not yet: what was wrong, in words; it is tried again.
     Retried(String),
@@ -121,6 +124,9 @@ pub fn frame_path(shot: &str, exposure_index: usize, repeat: u32) -> String {
 /// or that the journal does not know, is moved aside (`….png.set-aside-1`) and taken again.
 /// So a run that was stopped, or whose machine lost power, is simply repeated.
 ///
+/// While a frame is written the next ones are taken; all of them are on disk, or the run has
+/// failed, when this returns.
+///
 /// # Errors
 /// See [`RunError`]; the journal's last line then says `failed` and why.
 pub fn run(
@@ -147,8 +153,11 @@ pub fn run(
     let total = plan.shots.iter().map(Shot::frames).sum();
     journal.append(Event::Started { version: env!("CARGO_PKG_VERSION").into(), frames: total })?;
 
-    let mut run = Run { rig, session, options, journal, progress, total, known: &known };
-    let result = run.all(plan);
+    let journal = Mutex::new(journal);
+    let result = with_writer(session, &journal, |to_disk| {
+        let journal = &journal;
+        Run { rig, session, options, journal, to_disk, progress, total, known: &known }.all(plan)
+    });
     let (status, reason) = match &result {
         Ok(outcome) if outcome.missing == 0 => (StopStatus::Done, "every frame is there".into()),
         Ok(outcome) => {
@@ -156,7 +165,7 @@ pub fn run(
         }
         Err(error) => (StopStatus::Failed, error.to_string()),
     };
-    let noted = run.journal.append(Event::Stopped { status, reason });
+    let noted = append(&journal, Event::Stopped { status, reason });
     // The first error is the one that matters.
     let outcome = result?;
     noted?;
@@ -190,7 +199,8 @@ struct Run<'a, 'p> {
     rig: &'a mut Rig,
     session: &'a Path,
     options: RunOptions<'a>,
-    journal: Journal,
+    journal: &'a Mutex<Journal>,
+    to_disk: SyncSender<Taken>,
     progress: &'a mut (dyn FnMut(Progress<'_>) + 'p),
     total: usize,
     known: &'a HashMap<String, (String, String)>,
@@ -237,7 +247,9 @@ impl Run<'_, '_> {
                             self.show(shot, &outcome)?;
                             shown = true;
                         }
-                        self.take(shot, exposure_index, repeat, &outcome)?;
+                        if !self.take(shot, exposure_index, repeat, &outcome)? {
+                            return Ok(outcome);
+                        }
                         exposed_s += requested_s;
                     }
                     let step = if kept { Step::Kept } else { Step::Taken };
@@ -283,7 +295,7 @@ impl Run<'_, '_> {
         };
         if let Some(name) = move_aside(&path)? {
             let text = format!("{file} {why}: moved to {name} and taken again");
-            self.journal.append(Event::Note { text })?;
+            append(self.journal, Event::Note { text })?;
         }
         Ok(false)
     }
@@ -297,13 +309,15 @@ impl Run<'_, '_> {
         self.persist(shot, outcome, |rig| rig.projector.show(&image))
     }
 
+    /// Exposes a frame and hands it on; false if frames are no longer written, which has an error
+    /// of its own.
     fn take(
         &mut self,
         shot: &Shot,
         exposure_index: usize,
         repeat: u32,
         outcome: &Outcome,
-    ) -> Result<(), RunError> {
+    ) -> Result<bool, RunError> {
         let requested_s = shot.exposures_s[exposure_index];
         let frame: Frame = self.persist(shot, outcome, |rig| rig.camera.expose(requested_s))?;
         let metadata = FrameMetadata {
@@ -319,25 +333,9 @@ impl Run<'_, '_> {
             camera: self.rig.camera.info().name,
             projector: self.rig.projector.info().name,
         };
-        let file = frame_path(&shot.name, exposure_index, repeat);
-        let path = self.session.join(&file);
-        if let Some(folder) = path.parent() {
-            let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
-            std::fs::create_dir_all(folder).map_err(failed)?;
-        }
-        write_frame(&path, &frame, &metadata, Overwrite::Refuse)
-            .map_err(|source| RunError::Frame { shot: shot.name.clone(), source })?;
-        self.journal.append(Event::FrameWritten {
-            shot: shot.name.clone(),
-            exposure_index,
-            repeat,
-            blake3: hash_file(&path)?,
-            file,
-            settings: settings(shot, exposure_index),
-            exposure_s: frame.exposure_s,
-            stats: frame.stats(),
-        })?;
-        Ok(())
+        let settings = settings(shot, exposure_index);
+        let taken = Taken { frame, metadata, settings };
+        Ok(self.to_disk.send(taken).is_ok())
     }
 
     /// Asks a device, and asks again where the failure may pass.
@@ -359,7 +357,7 @@ impl Run<'_, '_> {
                 return Err(RunError::Device { shot: shot.name.clone(), source });
             }
             let text = format!("shot {:?}, attempt {attempt}: {source}", shot.name);
-            self.journal.append(Event::Note { text: text.clone() })?;
+            append(self.journal, Event::Note { text: text.clone() })?;
             (self.progress)(Progress {
                 done: outcome.kept + outcome.taken,
                 total: self.total,
@@ -371,6 +369,11 @@ impl Run<'_, '_> {
             wait *= 2;
         }
     }
+}
+
+/// Appends to a journal that several threads write.
+pub(crate) fn append(journal: &Mutex<Journal>, event: Event) -> Result<(), JournalError> {
+    journal.lock().unwrap_or_else(PoisonError::into_inner).append(event)
 }
 
 /// Tells frames apart that were taken under different settings.

@@ -1,0 +1,98 @@
+//! Writes frames while the next ones are taken.
+//!
+//! Encoding takes a processor and syncing takes the disk, so each has its own thread: a run lasts
+//! as long as the slowest of camera, processor and disk, instead of all three. A frame counts as
+//! there only once its line is in the journal, so whatever is on its way when the power fails is
+//! simply taken again.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use material::{FileError, Overwrite, atomic_write};
+
+use crate::frame::encode_frame;
+use crate::runner::append;
+use crate::{Event, Frame, FrameMetadata, Journal, Outcome, RunError, frame_path};
+
+/// Frames that wait before each thread: one, so that neither idles while the other is done.
+const WAITING: usize = 1;
+
+/// A frame that is not on disk yet.
+pub(crate) struct Taken {
+    pub frame: Frame,
+    pub metadata: FrameMetadata,
+    /// Tells it from frames taken under other settings.
+    pub settings: String,
+}
+
+/// A file that is not on disk yet, and its line in the journal.
+struct Encoded {
+    bytes: Vec<u8>,
+    file: String,
+    event: Event,
+}
+
+/// Runs `take`, and writes what it sends; returns when all of it is on disk.
+///
+/// # Errors
+/// What ended the writing, else the error of `take`.
+pub(crate) fn with_writer(
+    session: &Path,
+    journal: &Mutex<Journal>,
+    take: impl FnOnce(SyncSender<Taken>) -> Result<Outcome, RunError>,
+) -> Result<Outcome, RunError> {
+    std::thread::scope(|scope| {
+        let (to_encoder, taken) = sync_channel(WAITING);
+        let (to_writer, encoded) = sync_channel(WAITING);
+        let encoder = scope.spawn(move || encode_all(&taken, &to_writer));
+        let writer = scope.spawn(move || write_all(session, journal, &encoded));
+        let outcome = take(to_encoder);
+        let ended = |thread: std::thread::ScopedJoinHandle<'_, Result<(), RunError>>| {
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        let (encoded, written) = (ended(encoder), ended(writer));
+        written.and(encoded).and(outcome)
+    })
+}
+
+fn encode_all(taken: &Receiver<Taken>, to_writer: &SyncSender<Encoded>) -> Result<(), RunError> {
+    for Taken { frame, metadata, settings } in taken {
+        let shot = metadata.shot.clone();
+        let bytes = encode_frame(&frame, &metadata)
+            .map_err(|source| RunError::Frame { shot: shot.clone(), source })?;
+        let file = frame_path(&shot, metadata.exposure_index, metadata.repeat);
+        let event = Event::FrameWritten {
+            shot,
+            exposure_index: metadata.exposure_index,
+            repeat: metadata.repeat,
+            file: file.clone(),
+            blake3: blake3::hash(&bytes).to_hex().to_string(),
+            settings,
+            exposure_s: frame.exposure_s,
+            stats: frame.stats(),
+        };
+        if to_writer.send(Encoded { bytes, file, event }).is_err() {
+            // The writer has failed, and says why.
+            break;
+        }
+    }
+    Ok(())
+}
+
+fn write_all(
+    session: &Path,
+    journal: &Mutex<Journal>,
+    encoded: &Receiver<Encoded>,
+) -> Result<(), RunError> {
+    for Encoded { bytes, file, event } in encoded {
+        let path = session.join(&file);
+        if let Some(folder) = path.parent() {
+            let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        atomic_write(&path, Overwrite::Refuse, |out| std::io::Write::write_all(out, &bytes))?;
+        append(journal, event)?;
+    }
+    Ok(())
+}
