@@ -192,9 +192,11 @@ pub fn write_frame(
 pub(crate) fn encode_frame(frame: &Frame, metadata: &FrameMetadata) -> Result<Vec<u8>, FrameError> {
     frame.check()?;
     let color = if frame.channels == 1 { png::ColorType::Grayscale } else { png::ColorType::Rgb };
-    let big_endian: Vec<u8> = frame.data.iter().flat_map(|v| v.to_be_bytes()).collect();
+    let mut big_endian = vec![0; 2 * frame.data.len()];
+    let pairs = big_endian.as_chunks_mut::<2>().0.iter_mut();
+    pairs.zip(&frame.data).for_each(|(pair, value)| *pair = value.to_be_bytes());
     let text = serde_json::to_string(metadata).map_err(|e| FrameError::Encode(e.to_string()))?;
-    let mut bytes = Vec::new();
+    let mut bytes = Vec::with_capacity(big_endian.len());
     let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
     encoder.set_color(color);
     encoder.set_depth(png::BitDepth::Sixteen);
