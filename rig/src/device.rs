@@ -188,7 +188,7 @@ pub enum DeviceError {
         waited_s: f64,
     },
     /// It answered something that its protocol does not know.
-    #[error("{device}: expected {expected}, received {:?}", String::from_utf8_lossy(bytes))]
+    #[error("{device}: expected {expected}, received \"{}\"", bytes.escape_ascii())]
     Protocol {
         /// The device.
         device: String,
@@ -203,6 +203,14 @@ pub enum DeviceError {
         /// The device.
         device: String,
         /// What it can do and what was asked.
+        reason: String,
+    },
+    /// It stopped itself, or says that it is broken; a person has to look at it.
+    #[error("{device}: {reason}")]
+    Fault {
+        /// The device.
+        device: String,
+        /// What it reports.
         reason: String,
     },
     /// Somebody said no.
@@ -234,6 +242,8 @@ pub enum DeviceErrorKind {
     Protocol,
     /// Not possible.
     Unsupported,
+    /// Not before somebody has looked at it.
+    Fault,
     /// Not wanted.
     Declined,
 }
@@ -256,6 +266,7 @@ impl DeviceError {
             Self::Timeout { .. } => DeviceErrorKind::Timeout,
             Self::Protocol { .. } => DeviceErrorKind::Protocol,
             Self::Unsupported { .. } => DeviceErrorKind::Unsupported,
+            Self::Fault { .. } => DeviceErrorKind::Fault,
             Self::Declined { .. } => DeviceErrorKind::Declined,
         }
     }

@@ -6,6 +6,7 @@
 mod acquisition;
 mod code;
 mod device;
+pub mod devices;
 mod frame;
 mod held;
 mod journal;

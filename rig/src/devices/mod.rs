@@ -1,0 +1,37 @@
+//! Projectors and stages behind their makers' protocols.
+//!
+//! A driver speaks over a [`Link`], which knows nothing of protocols; what comes back goes through
+//! a parser that is a pure function of bytes. [`ProjectorControl`] and [`Stage`] are what the rest
+//! of the program sees; `simulator` implements them too, and plays the devices on the other side
+//! of the wire.
+
+pub mod benq;
+pub mod epson;
+pub mod grbl;
+mod link;
+pub mod optoma;
+mod parsers;
+pub mod pjlink;
+mod projector_control;
+mod protocol_error;
+#[cfg(test)]
+mod scripted;
+mod self_test;
+mod stage;
+mod transition;
+pub mod zaber;
+
+pub use benq::Benq;
+pub use epson::Epson;
+pub use grbl::Grbl;
+pub use link::{Connection, Link, Patience};
+pub use optoma::Optoma;
+pub use parsers::{Parser, parsers};
+pub use pjlink::Pjlink;
+pub use projector_control::{
+    Fault, Part, PowerState, ProjectorControl, Severity, power_off, power_on,
+};
+pub use protocol_error::ProtocolError;
+pub use self_test::{Check, CheckResult, test_projector_control, test_stage};
+pub use stage::{Coordinate, Degrees, Millimetres, Range, Stage, StageAxis};
+pub use zaber::Zaber;

@@ -1,0 +1,392 @@
+//! Optoma's RS-232 protocol: 9600 baud, 8N1.
+//!
+//! Orders are `~`, two digits of the projector's number, the command, a space and a variable, CR.
+//! They are answered with `P` or `F`, questions with `OK` and digits, both with or without a CR
+//! after it, as the model likes. `INFO` and a digit come by themselves: warming up, cooling down,
+//! and what is wrong.
+
+use std::time::Duration;
+
+use super::protocol_error::trimmed;
+use super::transition::Transition;
+use super::{Fault, Link, Part, Patience, PowerState, ProjectorControl, ProtocolError, Severity};
+use crate::DeviceError;
+
+/// Optoma's speed.
+pub const BAUD: u32 = 9600;
+
+/// At 9600 baud a byte takes a millisecond; USB adapters hold bytes back for up to 16.
+const QUIET: Duration = Duration::from_millis(60);
+
+/// An Optoma projector.
+pub struct Optoma {
+    link: Link,
+    id: u8,
+    transition: Transition,
+    /// What it announced since it was last found on.
+    faults: Vec<Fault>,
+}
+
+impl Optoma {
+    /// The projector number `id` (0 to 99; 0 for any) at the serial port `path`, which is not
+    /// talked to yet.
+    pub fn new(path: &str, baud: u32, id: u8, patience: Patience) -> Self {
+        Self::over(Link::serial(&format!("projector {path} (Optoma)"), path, baud, patience), id)
+    }
+
+    /// A projector at the other end of `link`.
+    pub fn over(link: Link, id: u8) -> Self {
+        Self { link, id: id.min(99), transition: Transition::default(), faults: Vec::new() }
+    }
+
+    /// Sends a command and returns the first message that is no news.
+    fn ask(&mut self, command: &str) -> Result<Message, DeviceError> {
+        let order = format!("~{:02}{command}\r", self.id);
+        let mut news = Vec::new();
+        let answer = self.link.retry(|link| {
+            if !link.connect()? {
+                collect_news(link, &mut news)?;
+            }
+            link.send(order.as_bytes())?;
+            let deadline = link.deadline();
+            loop {
+                let part = link.receive_until_quiet(b"\r\n", QUIET, deadline)?;
+                let messages = parse_messages(&part).map_err(|e| e.of(link.device()))?;
+                let (infos, answers): (Vec<_>, Vec<_>) =
+                    messages.into_iter().partition(|m| matches!(m, Message::Info(_)));
+                news.extend(infos);
+                if let Some(answer) = answers.into_iter().next() {
+                    return Ok(answer);
+                }
+            }
+        });
+        for message in news {
+            if let Message::Info(code) = message {
+                self.hear(code);
+            }
+        }
+        answer
+    }
+
+    fn hear(&mut self, code: u8) {
+        match code {
+            0 => self.transition.end(),
+            1 => self.transition.begin(true),
+            2 => self.transition.begin(false),
+            _ => {}
+        }
+        if let Some(fault) = fault_of(code) {
+            if !self.faults.contains(&fault) {
+                self.faults.push(fault);
+            }
+        }
+    }
+
+    fn order(&mut self, command: &str) -> Result<(), DeviceError> {
+        match self.ask(command)? {
+            Message::Pass => Ok(()),
+            Message::Fail => Err(self.refused(command)),
+            other => Err(self.unexpected("P or F", &other)),
+        }
+    }
+
+    /// `F` says neither why nor whether it will pass: while it warms up or cools down, it will.
+    fn refused(&mut self, command: &str) -> DeviceError {
+        let device = self.link.device().to_owned();
+        if self.transition.state().is_some() {
+            return DeviceError::Busy { device };
+        }
+        let reason = format!("it answered F to the command {command}");
+        DeviceError::Unsupported { device, reason }
+    }
+
+    fn unexpected(&self, expected: &'static str, found: &Message) -> DeviceError {
+        let bytes = match found {
+            Message::Pass => b"P".to_vec(),
+            Message::Fail => b"F".to_vec(),
+            Message::Value(value) => [b"OK", value.as_slice()].concat(),
+            Message::Info(code) => format!("INFO{code}").into_bytes(),
+        };
+        ProtocolError::new(expected, &bytes).of(self.link.device())
+    }
+
+    fn question(&mut self, command: &str) -> Result<Vec<u8>, DeviceError> {
+        match self.ask(command)? {
+            Message::Value(value) => Ok(value),
+            Message::Fail => Err(self.refused(command)),
+            other => Err(self.unexpected("OK and a value", &other)),
+        }
+    }
+}
+
+/// Takes in what was announced since the last answer.
+fn collect_news(link: &mut Link, news: &mut Vec<Message>) -> Result<(), DeviceError> {
+    loop {
+        let deadline = std::time::Instant::now() + Duration::from_millis(2);
+        match link.receive_until_quiet(b"\r\n", Duration::from_millis(1), deadline) {
+            // Whatever else is there belongs to a question that was given up.
+            Ok(part) => news.extend(
+                parse_messages(&part)
+                    .unwrap_or_default()
+                    .into_iter()
+                    .filter(|m| matches!(m, Message::Info(_))),
+            ),
+            Err(DeviceError::Timeout { .. }) => return Ok(()),
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+impl ProjectorControl for Optoma {
+    fn name(&mut self) -> Result<String, DeviceError> {
+        let device = self.link.device().to_owned();
+        Ok(match self.question("151 1") {
+            Ok(model) => format!("Optoma, model {}", String::from_utf8_lossy(&model)),
+            // Older ones do not say, and none says so while it warms up.
+            Err(DeviceError::Unsupported { .. } | DeviceError::Busy { .. }) => device,
+            Err(error) => return Err(error),
+        })
+    }
+
+    fn power_state(&mut self) -> Result<PowerState, DeviceError> {
+        let on = match self.question("124 1") {
+            Ok(value) => parse_switch(&value).map_err(|e| e.of(self.link.device()))?,
+            Err(DeviceError::Busy { device }) => {
+                return self.transition.state().ok_or(DeviceError::Busy { device });
+            }
+            // Older ones know only the collected answer.
+            Err(DeviceError::Unsupported { .. }) => {
+                let value = self.question("150 1")?;
+                parse_information(&value).map_err(|e| e.of(self.link.device()))?.on
+            }
+            Err(error) => return Err(error),
+        };
+        let state = self.transition.resolve(on);
+        if state == PowerState::On {
+            // Whatever kept it from lighting is over.
+            self.faults.retain(|fault| fault.severity == Severity::Warning);
+        }
+        Ok(state)
+    }
+
+    fn set_power(&mut self, on: bool) -> Result<(), DeviceError> {
+        self.order(if on { "00 1" } else { "00 0" })?;
+        self.transition.begin(on);
+        Ok(())
+    }
+
+    fn select_input(&mut self, input: &str) -> Result<(), DeviceError> {
+        if !(1..=2).contains(&input.len()) || !input.bytes().all(|b| b.is_ascii_digit()) {
+            let reason = format!("inputs are numbers of one or two digits, not {input:?}");
+            let device = self.link.device().to_owned();
+            return Err(DeviceError::Unsupported { device, reason });
+        }
+        self.order(&format!("12 {input}"))
+    }
+
+    fn av_mute(&mut self) -> Result<Option<bool>, DeviceError> {
+        Ok(None)
+    }
+
+    fn set_av_mute(&mut self, mute: bool) -> Result<(), DeviceError> {
+        self.order(if mute { "02 1" } else { "02 0" })
+    }
+
+    fn lamp_hours(&mut self) -> Result<Vec<u32>, DeviceError> {
+        let hours = match self.question("108 1") {
+            Ok(value) => parse_hours(&value),
+            Err(DeviceError::Unsupported { .. }) => {
+                parse_information(&self.question("150 1")?).map(|info| info.lamp_hours)
+            }
+            Err(error) => return Err(error),
+        };
+        Ok(vec![hours.map_err(|e| e.of(self.link.device()))?])
+    }
+
+    /// Those that it announced: they cannot be asked for.
+    fn faults(&mut self) -> Result<Option<Vec<Fault>>, DeviceError> {
+        Ok(Some(self.faults.clone()))
+    }
+}
+
+/// What an announcement says is wrong.
+fn fault_of(code: u8) -> Option<Fault> {
+    let (part, severity) = match code {
+        4 => (Part::Lamp, Severity::Error),
+        6 => (Part::Fan, Severity::Error),
+        7 => (Part::Temperature, Severity::Error),
+        8 => (Part::Lamp, Severity::Warning),
+        9 => (Part::Cover, Severity::Error),
+        _ => return None,
+    };
+    Some(Fault { part, severity })
+}
+
+/// What an Optoma projector sends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Message {
+    /// `P`: an order was taken.
+    Pass,
+    /// `F`: it was not, or a question was not understood.
+    Fail,
+    /// `OK` and what was asked for.
+    Value(Vec<u8>),
+    /// `INFO` and a digit: 0 stand-by, 1 warming up, 2 cooling down, 3 out of range, 4 lamp,
+    /// 6 fan, 7 too hot, 8 lamp nearly used up, 9 cover open.
+    Info(u8),
+}
+
+/// Parses what came until the line fell quiet: announcements and an answer may follow each other
+/// without anything between.
+///
+/// # Errors
+/// It is anything else.
+pub fn parse_messages(bytes: &[u8]) -> Result<Vec<Message>, ProtocolError> {
+    let wrong = || ProtocolError::new("P, F, OK and a value, or INFO and a digit", bytes);
+    let mut rest = trimmed(bytes);
+    let mut messages = Vec::new();
+    while !rest.is_empty() {
+        if let Some(tail) = strip_word(rest, b"INFO") {
+            let (&digit, tail) = tail.split_first().ok_or_else(wrong)?;
+            if !digit.is_ascii_digit() {
+                return Err(wrong());
+            }
+            messages.push(Message::Info(digit - b'0'));
+            rest = tail;
+        } else if let Some(tail) = strip_word(rest, b"OK") {
+            // Digits, letters of firmware versions, and nothing that looks like an announcement.
+            let length = (0..tail.len())
+                .find(|&i| tail.get(i..).is_some_and(|t| strip_word(t, b"INFO").is_some()))
+                .unwrap_or(tail.len());
+            let (value, tail) = tail.split_at_checked(length).ok_or_else(wrong)?;
+            let good = |b: &u8| b.is_ascii_alphanumeric() || b"./- ".contains(b);
+            if value.is_empty() || !value.iter().all(good) {
+                return Err(wrong());
+            }
+            messages.push(Message::Value(trimmed(value).to_vec()));
+            rest = tail;
+        } else {
+            messages.push(match rest.first() {
+                Some(b'P') => Message::Pass,
+                Some(b'F') => Message::Fail,
+                _ => return Err(wrong()),
+            });
+            rest = rest.get(1..).unwrap_or_default();
+        }
+        rest = rest.trim_ascii_start();
+    }
+    Ok(messages)
+}
+
+/// `bytes` after `word`, in whatever case.
+fn strip_word<'a>(bytes: &'a [u8], word: &[u8]) -> Option<&'a [u8]> {
+    let (head, tail) = bytes.split_at_checked(word.len())?;
+    head.eq_ignore_ascii_case(word).then_some(tail)
+}
+
+/// Parses the value of `124 1`.
+///
+/// # Errors
+/// It is neither 0 nor 1.
+pub fn parse_switch(value: &[u8]) -> Result<bool, ProtocolError> {
+    match value {
+        b"0" => Ok(false),
+        b"1" => Ok(true),
+        _ => Err(ProtocolError::new("0 or 1", value)),
+    }
+}
+
+/// Parses lamp hours.
+///
+/// # Errors
+/// They are not one to five digits.
+pub fn parse_hours(value: &[u8]) -> Result<u32, ProtocolError> {
+    let wrong = || ProtocolError::new("lamp hours, up to five digits", value);
+    if !(1..=5).contains(&value.len()) || !value.iter().all(u8::is_ascii_digit) {
+        return Err(wrong());
+    }
+    std::str::from_utf8(value).ok().and_then(|text| text.parse().ok()).ok_or_else(wrong)
+}
+
+/// The collected answer to `150 1`, as far as all models agree on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Information {
+    /// Whether it is on.
+    pub on: bool,
+    /// Hours of the lamp.
+    pub lamp_hours: u32,
+}
+
+/// Parses the value of `150 1`: power, lamp hours, input, firmware, display mode, without
+/// anything between. Lamp hours have four digits where all of it has up to twelve, else five.
+///
+/// # Errors
+/// It is nothing like that.
+pub fn parse_information(value: &[u8]) -> Result<Information, ProtocolError> {
+    let wrong = || ProtocolError::new("power, lamp hours, input, firmware and display mode", value);
+    let width = match value.len() {
+        11 | 12 => 4,
+        13..=16 => 5,
+        _ => return Err(wrong()),
+    };
+    let on = parse_switch(value.get(..1).unwrap_or_default()).map_err(|_| wrong())?;
+    let hours = value.get(1..=width).ok_or_else(wrong)?;
+    Ok(Information { on, lamp_hours: parse_hours(hours).map_err(|_| wrong())? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scripted::{Step, scripted};
+    use super::*;
+    use crate::DeviceErrorKind;
+
+    #[test]
+    fn answers_and_announcements_are_told_apart() {
+        let messages = parse_messages(b"INFO1\rP").unwrap();
+        assert_eq!(messages, [Message::Info(1), Message::Pass]);
+        let messages = parse_messages(b"Ok1INFO4").unwrap();
+        assert_eq!(messages, [Message::Value(b"1".to_vec()), Message::Info(4)]);
+        assert_eq!(parse_messages(b"\r\n").unwrap(), []);
+        for bad in [&b"INFO"[..], b"INFOx", b"OK", b"X", b"P\xff"] {
+            assert!(parse_messages(bad).is_err(), "{}", bad.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn the_collected_answer_has_two_widths() {
+        let info = |value: &[u8]| parse_information(value).unwrap();
+        assert_eq!(info(b"101230600C01"), Information { on: true, lamp_hours: 123 });
+        assert_eq!(info(b"1012340600C010").lamp_hours, 1234);
+        assert!(parse_information(b"1").is_err());
+        assert!(parse_information(b"1xxxx0600C01").is_err());
+    }
+
+    #[test]
+    fn warming_up_is_neither_off_nor_a_failure() {
+        let link = scripted(vec![
+            Step::Expect(b"~0000 1\r"),
+            Step::Reply(b"P"),
+            Step::Silence,
+            Step::Reply(b"INFO1\r"),
+            Step::Silence,
+            Step::Expect(b"~00124 1\r"),
+            Step::Reply(b"OK0\r"),
+            Step::Expect(b"~00124 1\r"),
+            Step::Reply(b"F\r"),
+            Step::Expect(b"~00124 1\r"),
+            Step::Reply(b"OK1\r"),
+        ]);
+        let mut projector = Optoma::over(link, 0);
+        projector.set_power(true).unwrap();
+        assert_eq!(projector.power_state().unwrap(), PowerState::Warming);
+        assert_eq!(projector.power_state().unwrap(), PowerState::Warming);
+        assert_eq!(projector.power_state().unwrap(), PowerState::On);
+    }
+
+    #[test]
+    fn an_input_is_a_number() {
+        let mut projector = Optoma::over(scripted(Vec::new()), 0);
+        let error = projector.select_input("hdmi\r~0000 0").unwrap_err();
+        assert_eq!(error.kind(), DeviceErrorKind::Unsupported);
+    }
+}
