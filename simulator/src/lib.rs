@@ -4,6 +4,7 @@
 
 #[cfg(test)]
 mod code_tests;
+pub mod devices;
 mod imperfections;
 mod lens;
 #[cfg(test)]

@@ -39,7 +39,13 @@ pub struct Grbl {
     offset: Option<[f64; 3]>,
     /// What stopped it, until somebody unlocks it.
     alarm: Option<String>,
+    /// Whether it has been talked to: if it restarts after that, its place is gone.
+    known: bool,
+    /// It has restarted, and was not homed or unlocked since.
+    restarted: bool,
 }
+
+const RESTARTED: &str = "it restarted, and may have lost its place; home or unlock it";
 
 const LETTERS: [char; 3] = ['X', 'Y', 'Z'];
 
@@ -54,7 +60,16 @@ impl Grbl {
     pub fn over(link: Link, axes: Vec<(StageAxis, usize)>) -> Self {
         let (axes, letters) = axes.into_iter().unzip();
         let settings = Settings::default();
-        Self { link, axes, letters, settings, offset: None, alarm: None }
+        Self {
+            link,
+            axes,
+            letters,
+            settings,
+            offset: None,
+            alarm: None,
+            known: false,
+            restarted: false,
+        }
     }
 
     fn device(&self) -> String {
@@ -93,7 +108,11 @@ impl Grbl {
             self.link.send(b"?")?;
             let ask_again = deadline.min(Instant::now() + Duration::from_millis(500));
             match self.next(ask_again) {
-                Ok(Message::Status(_)) => return Ok(()),
+                Ok(Message::Status(_)) => {
+                    self.known = true;
+                    return Ok(());
+                }
+                Ok(Message::Startup) => self.restarted |= self.known,
                 Ok(_) => {}
                 Err(DeviceError::Timeout { .. } | DeviceError::Protocol { .. })
                     if Instant::now() < deadline => {}
@@ -166,7 +185,8 @@ impl Grbl {
                 Ok(Message::Error(number)) => return Err(self.refusal(line, number)),
                 Ok(Message::Alarm(number)) => return Err(self.fault(alarm_text(number))),
                 Ok(Message::Startup) => {
-                    return Err(self.fault("it restarted, and may have lost its place; home it"));
+                    self.restarted = true;
+                    return Err(self.fault(RESTARTED));
                 }
                 Ok(_) => heard = Instant::now(),
                 Err(error @ DeviceError::Protocol { .. }) => {
@@ -221,14 +241,21 @@ impl Grbl {
         let mut pause = patience.pause;
         for _ in 1..patience.attempts {
             match self.status() {
-                Err(error) if error.kind().is_transient() => {
+                Err(error)
+                    if error.kind().is_transient()
+                        || matches!(error, DeviceError::Disconnected { .. }) =>
+                {
                     std::thread::sleep(pause);
                     pause *= 2;
                 }
                 other => return other,
             }
         }
-        self.status()
+        self.status().map_err(|error| match (&self.alarm, error) {
+            // After a limit switch it says nothing until it is reset.
+            (Some(alarm), DeviceError::Timeout { .. }) => self.fault(alarm.clone()),
+            (_, error) => error,
+        })
     }
 
     /// Where all axes are, in machine coordinates.
@@ -249,12 +276,18 @@ impl Grbl {
     }
 
     fn fail_on_alarm(&mut self) -> Result<(), DeviceError> {
-        // An alarm that was reported and not cleared stays, whoever asks.
         self.status_again()?;
         match &self.alarm {
             Some(alarm) => Err(self.fault(alarm.clone())),
+            None if self.restarted => Err(self.fault(RESTARTED)),
             None => Ok(()),
         }
+    }
+
+    /// Somebody has looked, or it has found its switches.
+    fn forget_alarm(&mut self) {
+        self.alarm = None;
+        self.restarted = false;
     }
 
     /// Resets the controller and waits until it has started again.
@@ -297,6 +330,7 @@ impl Stage for Grbl {
 
     fn position(&mut self, axis: usize) -> Result<Coordinate, DeviceError> {
         let (axis, letter) = self.axis(axis)?;
+        self.fail_on_alarm()?;
         let places = self.places()?;
         Ok(axis.range.ends().0.at(places.get(letter).copied().unwrap_or_default()))
     }
@@ -359,7 +393,7 @@ impl Stage for Grbl {
             return Err(DeviceError::Unsupported { device: self.device(), reason });
         }
         self.run_homing(limit)?;
-        self.alarm = None;
+        self.forget_alarm();
         Ok(())
     }
 
@@ -371,7 +405,7 @@ impl Stage for Grbl {
             self.reset()?;
         }
         self.line("$X", deadline)?;
-        self.alarm = None;
+        self.forget_alarm();
         Ok(())
     }
 }

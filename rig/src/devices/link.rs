@@ -1,9 +1,8 @@
 //! Bytes out, and bytes in before a deadline, over TCP or a serial port.
 
-use std::io::{self, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
+use super::connection::{Connection, connect, is_timeout, open_serial};
 use crate::DeviceError;
 
 /// No reply of any protocol here is as long; whoever sends more without an end sends garbage.
@@ -24,22 +23,6 @@ impl Default for Patience {
     fn default() -> Self {
         Self { reply: Duration::from_secs(3), attempts: 3, pause: Duration::from_millis(250) }
     }
-}
-
-/// What a [`Link`] runs over: anything that can be read with a time limit.
-pub trait Connection: Send {
-    /// Reads what is there, waiting for `wait` at most.
-    ///
-    /// # Errors
-    /// `TimedOut` or `WouldBlock` if nothing came; anything else means that the connection is gone.
-    /// `Ok(0)` means the same.
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<usize>;
-
-    /// Writes all of `bytes`, waiting for `wait` at most.
-    ///
-    /// # Errors
-    /// Those of the connection.
-    fn write(&mut self, bytes: &[u8], wait: Duration) -> io::Result<()>;
 }
 
 type Opener = Box<dyn FnMut(Duration) -> Result<Box<dyn Connection>, DeviceError> + Send>;
@@ -158,11 +141,12 @@ impl Link {
     /// They are not there before `deadline`, there are more than 4096 without an end, or the
     /// connection is gone.
     pub fn receive(&mut self, ends: &[u8], deadline: Instant) -> Result<Vec<u8>, DeviceError> {
-        self.receive_or_quiet(ends, None, deadline)
+        self.receive_or_quiet(ends, None, deadline).map(|(line, _)| line)
     }
 
     /// Like [`receive`](Self::receive), but where a device ends some of its replies with nothing:
-    /// after `quiet` without a further byte they count as complete.
+    /// after `quiet` without a further byte they count as complete. Also says whether there was
+    /// an end.
     ///
     /// # Errors
     /// Those of `receive`.
@@ -171,7 +155,7 @@ impl Link {
         ends: &[u8],
         quiet: Duration,
         deadline: Instant,
-    ) -> Result<Vec<u8>, DeviceError> {
+    ) -> Result<(Vec<u8>, bool), DeviceError> {
         self.receive_or_quiet(ends, Some(quiet), deadline)
     }
 
@@ -180,13 +164,13 @@ impl Link {
         ends: &[u8],
         quiet: Option<Duration>,
         deadline: Instant,
-    ) -> Result<Vec<u8>, DeviceError> {
+    ) -> Result<(Vec<u8>, bool), DeviceError> {
         let started = Instant::now();
         loop {
             if let Some(at) = self.received.iter().position(|b| ends.contains(b)) {
                 let mut line: Vec<u8> = self.received.drain(..=at).collect();
                 line.pop();
-                return Ok(line);
+                return Ok((line, true));
             }
             if self.received.len() > LONGEST {
                 let bytes = std::mem::take(&mut self.received);
@@ -203,7 +187,7 @@ impl Link {
                 _ => left,
             };
             if !self.fill(wait)? && quiet.is_some() && !self.received.is_empty() {
-                return Ok(std::mem::take(&mut self.received));
+                return Ok((std::mem::take(&mut self.received), false));
             }
         }
     }
@@ -269,90 +253,6 @@ impl Link {
     }
 }
 
-fn is_timeout(error: &io::Error) -> bool {
-    use io::ErrorKind as K;
-    matches!(error.kind(), K::TimedOut | K::WouldBlock | K::Interrupted)
-}
-
-impl Connection for TcpStream {
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<usize> {
-        self.set_read_timeout(Some(wait))?;
-        Read::read(self, into)
-    }
-
-    fn write(&mut self, bytes: &[u8], wait: Duration) -> io::Result<()> {
-        self.set_write_timeout(Some(wait))?;
-        self.write_all(bytes)
-    }
-}
-
-fn connect(
-    device: &str,
-    host: &str,
-    port: u16,
-    wait: Duration,
-) -> Result<Box<dyn Connection>, DeviceError> {
-    let device = || device.to_owned();
-    let addresses = (host, port).to_socket_addrs();
-    let addresses = addresses.map_err(|_| DeviceError::NotFound { device: device() })?;
-    let mut last = DeviceError::NotFound { device: device() };
-    for address in addresses {
-        last = match TcpStream::connect_timeout(&address, wait) {
-            Ok(stream) => {
-                // Commands are a few bytes each, and each waits for its answer. A system that
-                // cannot switch the delay off is slower, no more.
-                let _ = stream.set_nodelay(true);
-                return Ok(Box::new(stream));
-            }
-            Err(error) if is_timeout(&error) => {
-                DeviceError::Timeout { device: device(), waited_s: wait.as_secs_f64() }
-            }
-            Err(_) => DeviceError::NotFound { device: device() },
-        };
-    }
-    Err(last)
-}
-
-impl Connection for Box<dyn serialport::SerialPort> {
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<usize> {
-        self.set_timeout(wait)?;
-        Read::read(self, into)
-    }
-
-    fn write(&mut self, bytes: &[u8], wait: Duration) -> io::Result<()> {
-        self.set_timeout(wait)?;
-        self.write_all(bytes)
-    }
-}
-
-fn open_serial(
-    device: &str,
-    path: &str,
-    baud: u32,
-    wait: Duration,
-) -> Result<Box<dyn Connection>, DeviceError> {
-    match serialport::new(path, baud).timeout(wait).open() {
-        Ok(port) => Ok(Box::new(port)),
-        Err(error) => Err(serial_error(device, path, &error)),
-    }
-}
-
-/// What keeps a serial port from being opened.
-fn serial_error(device: &str, path: &str, error: &serialport::Error) -> DeviceError {
-    use serialport::ErrorKind as K;
-    let (device, path) = (device.to_owned(), path.to_owned());
-    match error.kind {
-        K::Io(io::ErrorKind::NotFound) => DeviceError::NotFound { device },
-        K::Io(io::ErrorKind::PermissionDenied) => DeviceError::NoPermission { device, path },
-        // Somebody else's exclusive lock on the port.
-        K::NoDevice => DeviceError::Busy { device },
-        _ => DeviceError::Unsupported {
-            device,
-            reason: format!("{path} does not open as a serial port: {}", error.description),
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::scripted::{Step, scripted};
@@ -380,7 +280,7 @@ mod tests {
         link.send(b"a").unwrap();
         let deadline = link.deadline();
         let reply = link.receive_until_quiet(b"\r", Duration::from_millis(5), deadline);
-        assert_eq!(reply.unwrap(), b"P");
+        assert_eq!(reply.unwrap(), (b"P".to_vec(), false));
     }
 
     #[test]
@@ -421,23 +321,5 @@ mod tests {
             Err(link.late(Duration::ZERO))
         });
         assert_eq!((error.unwrap_err().kind(), tries), (DeviceErrorKind::Timeout, 3));
-    }
-
-    #[test]
-    fn a_port_in_use_and_one_that_is_forbidden_are_told_apart() {
-        let kind = |kind| serial_error("x", "/dev/x", &serialport::Error::new(kind, "")).kind();
-        use serialport::ErrorKind as K;
-        assert_eq!(kind(K::NoDevice), DeviceErrorKind::Busy);
-        assert_eq!(kind(K::Io(io::ErrorKind::PermissionDenied)), DeviceErrorKind::NoPermission);
-        assert_eq!(kind(K::Io(io::ErrorKind::NotFound)), DeviceErrorKind::NotFound);
-        assert_eq!(kind(K::Unknown), DeviceErrorKind::Unsupported);
-    }
-
-    #[test]
-    fn nobody_at_the_port_is_not_found() {
-        // Bound and closed again: nobody listens there.
-        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let mut link = Link::tcp("projector", "127.0.0.1", port, Patience::default());
-        assert_eq!(link.connect().unwrap_err().kind(), DeviceErrorKind::NotFound);
     }
 }

@@ -6,6 +6,7 @@
 //! of the wire.
 
 pub mod benq;
+mod connection;
 pub mod epson;
 pub mod grbl;
 mod link;
@@ -22,9 +23,10 @@ mod transition;
 pub mod zaber;
 
 pub use benq::Benq;
+pub use connection::Connection;
 pub use epson::Epson;
 pub use grbl::Grbl;
-pub use link::{Connection, Link, Patience};
+pub use link::{Link, Patience};
 pub use optoma::Optoma;
 pub use parsers::{Parser, parsers};
 pub use pjlink::Pjlink;

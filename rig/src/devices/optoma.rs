@@ -39,25 +39,32 @@ impl Optoma {
         Self { link, id: id.min(99), transition: Transition::default(), faults: Vec::new() }
     }
 
-    /// Sends a command and returns the first message that is no news.
+    /// Sends a command and returns the first message that is no news. A value without an end may
+    /// be half of one: it is believed when it comes twice.
     fn ask(&mut self, command: &str) -> Result<Message, DeviceError> {
         let order = format!("~{:02}{command}\r", self.id);
         let mut news = Vec::new();
+        let mut unended: Option<Message> = None;
         let answer = self.link.retry(|link| {
             if !link.connect()? {
                 collect_news(link, &mut news)?;
             }
             link.send(order.as_bytes())?;
-            let deadline = link.deadline();
+            let mut deadline = link.deadline();
             loop {
-                let part = link.receive_until_quiet(b"\r\n", QUIET, deadline)?;
+                let (part, ended) = link.receive_until_quiet(b"\r\n", QUIET, deadline)?;
                 let messages = parse_messages(&part).map_err(|e| e.of(link.device()))?;
                 let (infos, answers): (Vec<_>, Vec<_>) =
                     messages.into_iter().partition(|m| matches!(m, Message::Info(_)));
                 news.extend(infos);
-                if let Some(answer) = answers.into_iter().next() {
+                let Some(answer) = answers.into_iter().next() else { continue };
+                let whole = ended || !matches!(answer, Message::Value(_));
+                if whole || unended.as_ref() == Some(&answer) {
                     return Ok(answer);
                 }
+                unended = Some(answer);
+                link.send(order.as_bytes())?;
+                deadline = link.deadline();
             }
         });
         for message in news {
@@ -75,11 +82,7 @@ impl Optoma {
             2 => self.transition.begin(false),
             _ => {}
         }
-        if let Some(fault) = fault_of(code) {
-            if !self.faults.contains(&fault) {
-                self.faults.push(fault);
-            }
-        }
+        self.faults.extend(fault_of(code).filter(|fault| !self.faults.contains(fault)));
     }
 
     fn order(&mut self, command: &str) -> Result<(), DeviceError> {
@@ -125,7 +128,7 @@ fn collect_news(link: &mut Link, news: &mut Vec<Message>) -> Result<(), DeviceEr
         let deadline = std::time::Instant::now() + Duration::from_millis(2);
         match link.receive_until_quiet(b"\r\n", Duration::from_millis(1), deadline) {
             // Whatever else is there belongs to a question that was given up.
-            Ok(part) => news.extend(
+            Ok((part, _)) => news.extend(
                 parse_messages(&part)
                     .unwrap_or_default()
                     .into_iter()
@@ -381,6 +384,22 @@ mod tests {
         assert_eq!(projector.power_state().unwrap(), PowerState::Warming);
         assert_eq!(projector.power_state().unwrap(), PowerState::Warming);
         assert_eq!(projector.power_state().unwrap(), PowerState::On);
+    }
+
+    #[test]
+    fn half_a_value_is_not_believed() {
+        let link = scripted(vec![
+            Step::Expect(b"~00108 1\r"),
+            Step::Reply(b"OK01"),
+            Step::Silence,
+            Step::Expect(b"~00108 1\r"),
+            Step::Reply(b"OK01234"),
+            Step::Silence,
+            Step::Expect(b"~00108 1\r"),
+            Step::Reply(b"OK01234"),
+            Step::Silence,
+        ]);
+        assert_eq!(Optoma::over(link, 0).lamp_hours().unwrap(), [1234]);
     }
 
     #[test]

@@ -278,7 +278,7 @@ pub fn parse_lamps(value: &[u8]) -> Result<Vec<u32>, ProtocolError> {
     let text = printable(EXPECTED, trimmed(value))?;
     let words: Vec<&str> = text.split(' ').collect();
     // Eight lamps at most.
-    if words.len() % 2 != 0 || words.len() > 16 {
+    if !words.len().is_multiple_of(2) || words.len() > 16 {
         return Err(wrong());
     }
     let pair = |pair: &[&str]| match pair {

@@ -45,8 +45,10 @@ fn a_controller_that_boots_is_waited_for() {
         Step::Reply(b"<Idle|MPos:1.000,2.000,3.000|FS:0,0>\r\n"),
     ];
     script.extend(GREETING.into_iter().skip(2));
-    script.push(Step::Expect(b"?"));
-    script.push(Step::Reply(b"<Idle|MPos:1.000,2.000,3.000|FS:0,0>\r\n"));
+    for _ in 0..2 {
+        script.push(Step::Expect(b"?"));
+        script.push(Step::Reply(b"<Idle|MPos:1.000,2.000,3.000|FS:0,0>\r\n"));
+    }
     let mut stage = Grbl::over(scripted(script), vec![axis()]);
     assert_eq!(stage.position(0).unwrap(), Coordinate::Linear(Millimetres(1.0)));
 }
@@ -81,4 +83,25 @@ fn an_alarm_names_itself() {
     let error = stage.move_to(0, to, Duration::from_secs(1)).unwrap_err();
     assert_eq!(error.kind(), DeviceErrorKind::Fault);
     assert!(error.to_string().contains("limit switch"), "{error}");
+}
+
+#[test]
+fn a_restart_is_not_taken_for_a_place() {
+    let mut script = Vec::from(GREETING);
+    script.extend([Step::Expect(b"?"), Step::Close]);
+    // Opening the port again restarts it; without switches to home to it says that it is idle at 0.
+    script.extend([
+        Step::Expect(b"?"),
+        Step::Reply(b"Grbl 1.1h ['$' for help]\r\n"),
+        Step::Expect(b"?"),
+        Step::Reply(b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n"),
+        Step::Expect(b"$$\n"),
+        Step::Reply(b"$13=0\r\n$22=0\r\nok\r\n"),
+        Step::Expect(b"?"),
+        Step::Reply(b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n"),
+    ]);
+    let mut stage = Grbl::over(scripted(script), vec![axis()]);
+    let error = stage.position(0).unwrap_err();
+    assert_eq!(error.kind(), DeviceErrorKind::Fault);
+    assert!(error.to_string().contains("restarted"), "{error}");
 }

@@ -1,0 +1,26 @@
+//! Projectors and stages in software, twice over: as drivers that need no wire, and as devices
+//! at the other end of one, which speak what their makers' manuals print.
+//!
+//! A [`Wire`] carries a [`Protocol`] over a TCP port or a pseudo-terminal, and can be told to go
+//! wrong. What a device does apart from talking is a model, [`SimulatedProjector`] or
+//! [`SimulatedStage`]; these can be told to fail as well.
+
+mod benq;
+mod epson;
+mod grbl;
+mod optoma;
+mod pjlink;
+mod projector;
+mod stage;
+mod wire;
+mod zaber;
+
+pub use benq::BenqEmulator;
+pub use epson::{EpsonEmulator, Prompt};
+pub use grbl::GrblEmulator;
+pub use optoma::OptomaEmulator;
+pub use pjlink::PjlinkEmulator;
+pub use projector::{ProjectorSpec, SimulatedProjector};
+pub use stage::{SimulatedStage, StageFailure};
+pub use wire::{Protocol, Wire, WireFault};
+pub use zaber::ZaberEmulator;
