@@ -1,4 +1,4 @@
-//! `cargo xtask setup|demo|test|check`: what the README promises, in one word each.
+//! `cargo xtask setup|demo|peers|test|check`: what the README promises, in one word each.
 //!
 //! Standard library only, so that it builds in seconds on a machine that has nothing yet.
 
@@ -13,6 +13,7 @@ usage: cargo xtask COMMAND
   setup         install the system packages that the build needs (asks nothing, says which)
   demo [FLAGS]  acquire a material on the simulated rig into ./demo;
                 FLAGS go to `diaphane demo`, for example --sample marble --seed 7
+  peers         install other people's programs that some tests compare with, into target/peers
   test [FLAGS]  run the whole test suite; FLAGS go to `cargo test`
   check         formatting and lints, warnings being errors
 ";
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
     let outcome = match command.as_str() {
         "setup" => system::setup(),
         "demo" => system::setup().and_then(|()| demo(&flags)),
+        "peers" => peers(),
         "test" => system::setup().and_then(|()| cargo(&["test", "--workspace"], &flags)),
         "check" => system::setup().and_then(|()| check()),
         "help" | "--help" | "-h" => {
@@ -66,6 +68,31 @@ fn demo(flags: &[String]) -> Result<(), Stop> {
     let out: &[&str] = if chosen { &[] } else { &["--out", "demo"] };
     let run = ["run", "--release", "--package", "diaphane", "--bin", "diaphane", "--", "demo"];
     cargo(&[&run[..], out].concat(), flags)
+}
+
+/// Counterparts of the devices' protocols, in the versions that the tests were written against.
+const PEERS: &[&str] = &[
+    "aiopjlink==1.0.5",
+    "meerk40t==0.9.9100",
+    // meerk40t does not start without it and does not ask for it.
+    "pillow",
+    "pypjlink2==1.2.2",
+    "zaber-motion==10.3.0",
+];
+
+fn peers() -> Result<(), Stop> {
+    let folder = root().join("target/peers");
+    let python = folder.join("bin/python");
+    let run = |program: &Path, arguments: &[&str]| {
+        let status = Command::new(program).args(arguments).status();
+        let name = program.display();
+        let status = status.map_err(|e| Stop::failed(format!("{name} cannot be started: {e}")))?;
+        if status.success() { Ok(()) } else { Err(Stop::failed(format!("{name} failed"))) }
+    };
+    run(Path::new("python3"), &["-m", "venv", &folder.to_string_lossy()])?;
+    run(&python, &[&["-m", "pip", "install", "--quiet"], PEERS].concat())?;
+    eprintln!("to have the tests use them: export DIAPHANE_PYTHON={}", python.display());
+    Ok(())
 }
 
 fn check() -> Result<(), Stop> {

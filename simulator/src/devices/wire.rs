@@ -6,7 +6,7 @@ use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A device's side of a conversation.
 pub trait Protocol: Send {
@@ -39,6 +39,9 @@ pub enum WireFault {
 
 /// How long the threads wait before they look around.
 const TICK: Duration = Duration::from_millis(3);
+
+/// A silence after which somebody else may have the line.
+const PATIENT: Duration = Duration::from_millis(200);
 
 /// A device that is connected. It goes when this is dropped.
 pub struct Wire {
@@ -147,8 +150,12 @@ fn serve_tcp(listener: &TcpListener, mut protocol: impl Protocol, state: &State)
     while !state.stopped() {
         match listener.accept() {
             Ok((stream, _)) => {
-                // Whatever ends a conversation, the next one may begin.
-                let _ = talk(stream, &mut protocol, state);
+                // Whatever ends a conversation, the next one may begin; the one that ended it by
+                // knocking comes first.
+                let mut next = Some(stream);
+                while let Some(stream) = next.take() {
+                    next = talk(stream, listener, &mut protocol, state).unwrap_or_default();
+                }
             }
             Err(_) => {
                 std::thread::sleep(TICK);
@@ -158,22 +165,38 @@ fn serve_tcp(listener: &TcpListener, mut protocol: impl Protocol, state: &State)
     }
 }
 
-fn talk(mut stream: TcpStream, protocol: &mut impl Protocol, state: &State) -> io::Result<()> {
+/// Talks until one side hangs up, or until somebody else knocks after a silence: projectors talk
+/// to one at a time, and are left hanging by some programs. Returns that somebody.
+fn talk(
+    mut stream: TcpStream,
+    listener: &TcpListener,
+    protocol: &mut impl Protocol,
+    state: &State,
+) -> io::Result<Option<TcpStream>> {
     stream.set_nonblocking(false)?;
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(TICK))?;
     let greeting = protocol.connected();
-    converse(&mut stream, greeting, protocol, state);
-    Ok(())
+    let mut next = None;
+    converse(&mut stream, greeting, protocol, state, |quiet| {
+        if quiet > PATIENT {
+            next = listener.accept().ok().map(|(stream, _)| stream);
+        }
+        next.is_none()
+    });
+    Ok(next)
 }
 
-/// Until the other side hangs up, a fault says so, or the wire is dropped.
+/// Until the other side hangs up, a fault says so, `go_on` does after so much silence, or the wire
+/// is dropped.
 fn converse(
     stream: &mut (impl Read + Write),
     greeting: Vec<u8>,
     protocol: &mut impl Protocol,
     state: &State,
+    mut go_on: impl FnMut(Duration) -> bool,
 ) {
+    let mut heard = Instant::now();
     let mut buffer = [0; 512];
     if !state.send(vec![greeting], stream) {
         return;
@@ -181,8 +204,11 @@ fn converse(
     while !state.stopped() {
         let answers = match stream.read(&mut buffer) {
             Ok(0) => return,
-            Ok(n) => protocol.receive(buffer.get(..n).unwrap_or_default()),
-            Err(error) if quiet(&error) => vec![protocol.tick()],
+            Ok(n) => {
+                heard = Instant::now();
+                protocol.receive(buffer.get(..n).unwrap_or_default())
+            }
+            Err(error) if quiet(&error) && go_on(heard.elapsed()) => vec![protocol.tick()],
             Err(_) => return,
         };
         if !state.send(answers, stream) {
@@ -218,7 +244,7 @@ fn serve_serial(pair: Pair, path: &std::path::Path, mut protocol: impl Protocol,
     let mut pair = Some(pair);
     while let Some((mut device, computer)) = pair.take() {
         let greeting = protocol.connected();
-        converse(&mut device, greeting, &mut protocol, state);
+        converse(&mut device, greeting, &mut protocol, state, |_| true);
         if state.stopped() {
             return;
         }
