@@ -13,6 +13,7 @@ mod journal;
 mod pattern;
 mod plan;
 mod render;
+mod rig_file;
 mod runner;
 mod writer;
 
@@ -30,4 +31,8 @@ pub use journal::{Entry, Event, Journal, JournalError, Recorded, StopStatus, rea
 pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
 pub use plan::{Plan, PlanError, PlanSummary, PlanWarning, Purpose, Shot};
 pub use render::{FaceMap, ProjectorImage};
+pub use rig_file::{
+    Address, AxisConfig, CameraConfig, ControlConfig, DisplayConfig, GrblAxisConfig, Letter,
+    ProjectorConfig, RigFile, RigFileError, SimulatedDevices, StageConfig, Unit, ZaberAxisConfig,
+};
 pub use runner::{Outcome, Progress, RunError, RunOptions, Step, frame_path, run, set_aside};

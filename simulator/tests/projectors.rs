@@ -132,7 +132,7 @@ fn a_projector_is_switched_on_used_and_switched_off() {
             "{protocol}"
         );
         assert!(!bench.driver.name().unwrap().is_empty());
-        let checks = test_projector_control(bench.driver.as_mut());
+        let checks = test_projector_control(bench.driver.as_mut(), Some(bench.input));
         assert!(checks.iter().all(|c| c.result != CheckResult::Fail), "{protocol}: {checks:?}");
 
         power_off(bench.driver.as_mut(), FOR_EVER, &mut |_, _| true).unwrap();
@@ -277,6 +277,6 @@ fn the_simulated_projector_needs_no_wire() {
     let mut projector = quick();
     assert_eq!(projector.power_state().unwrap(), PowerState::Off);
     power_on(&mut projector, FOR_EVER, &mut |_, _| true).unwrap();
-    let checks = test_projector_control(&mut projector);
+    let checks = test_projector_control(&mut projector, None);
     assert!(checks.iter().all(|c| c.result == CheckResult::Pass), "{checks:?}");
 }

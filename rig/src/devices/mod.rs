@@ -15,6 +15,7 @@ mod parsers;
 pub mod pjlink;
 mod projector_control;
 mod protocol_error;
+mod scan;
 #[cfg(test)]
 mod scripted;
 mod self_test;
@@ -34,6 +35,7 @@ pub use projector_control::{
     Fault, Part, PowerState, ProjectorControl, Severity, power_off, power_on,
 };
 pub use protocol_error::ProtocolError;
+pub use scan::{SerialPort, UsbAdapter, scan_serial_ports, usb_adapter};
 pub use self_test::{Check, CheckResult, test_projector_control, test_stage};
 pub use stage::{Coordinate, Degrees, Millimetres, Range, Stage, StageAxis};
 pub use zaber::Zaber;

@@ -48,8 +48,12 @@ impl Check {
     }
 }
 
-/// Asks a projector for its state, lamp and faults, and mutes and unmutes it if it is on.
-pub fn test_projector_control(projector: &mut dyn ProjectorControl) -> Vec<Check> {
+/// Asks a projector for its state, lamp and faults, and, if it is on, selects `input` and mutes and
+/// unmutes it.
+pub fn test_projector_control(
+    projector: &mut dyn ProjectorControl,
+    input: Option<&str>,
+) -> Vec<Check> {
     let power = projector.power_state();
     let on = matches!(power, Ok(PowerState::On));
     let answers = power.is_ok();
@@ -76,6 +80,10 @@ pub fn test_projector_control(projector: &mut dyn ProjectorControl) -> Vec<Check
         }
         Err(error) => Check::of("faults", Err(error)),
     });
+    if let Some(input) = input.filter(|_| on) {
+        let selected = projector.select_input(input).map(|()| format!("{input} selected"));
+        checks.push(Check::of("input", selected));
+    }
     checks.push(if on {
         Check::of("mute", mute_and_unmute(projector))
     } else {

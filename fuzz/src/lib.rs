@@ -1,0 +1,12 @@
+//! What the targets have in common. To run one: `cargo +nightly fuzz run pjlink`.
+
+/// Feeds `bytes` to the parser of that name.
+pub fn parse(name: &str, bytes: &[u8]) {
+    for (found, parser) in rig::devices::parsers() {
+        if found == name {
+            parser(bytes);
+            return;
+        }
+    }
+    panic!("no parser {name}");
+}

@@ -1,0 +1,149 @@
+//! From a rig file to drivers.
+
+use std::time::Duration;
+
+use super::{ControlConfig, Letter, StageConfig};
+use crate::devices::zaber::ZaberAxis;
+use crate::devices::{
+    Benq, Epson, Grbl, Optoma, Patience, Pjlink, ProjectorControl, Stage, StageAxis, Zaber,
+};
+
+/// Where a device is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Address {
+    /// At a serial port.
+    Serial(String),
+    /// At a TCP port of a host.
+    Tcp(String, u16),
+}
+
+impl std::fmt::Display for Address {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Serial(path) => f.write_str(path),
+            Self::Tcp(host, port) => write!(f, "{host}:{port}"),
+        }
+    }
+}
+
+/// Makes the devices that a rig file calls simulated: they live above this crate.
+pub trait SimulatedDevices {
+    /// A projector.
+    fn control(&self) -> Box<dyn ProjectorControl>;
+    /// A stage with these axes.
+    fn stage(&self, axes: Vec<StageAxis>) -> Box<dyn Stage>;
+}
+
+impl ControlConfig {
+    /// The driver's name in the file.
+    pub fn driver(&self) -> &'static str {
+        match self {
+            Self::Simulated { .. } => "simulated",
+            Self::Pjlink { .. } => "pjlink",
+            Self::Optoma { .. } => "optoma",
+            Self::Epson { .. } => "epson",
+            Self::Benq { .. } => "benq",
+        }
+    }
+
+    /// Where it is; `None` for one in software.
+    pub fn address(&self) -> Option<Address> {
+        match self {
+            Self::Simulated { .. } => None,
+            Self::Pjlink { host, port, .. } => Some(Address::Tcp(host.clone(), *port)),
+            Self::Optoma { port, .. } | Self::Epson { port, .. } | Self::Benq { port, .. } => {
+                Some(Address::Serial(port.clone()))
+            }
+        }
+    }
+
+    /// The input to select, by the projector's own code.
+    pub fn input(&self) -> Option<&str> {
+        match self {
+            Self::Simulated { input, .. }
+            | Self::Pjlink { input, .. }
+            | Self::Optoma { input, .. }
+            | Self::Epson { input, .. }
+            | Self::Benq { input, .. } => input.as_deref(),
+        }
+    }
+
+    /// The longest time that it may take to warm up.
+    pub fn warm_up(&self) -> Duration {
+        // What is not a duration was refused when the file was read.
+        Duration::try_from_secs_f64(self.warm_up_s()).unwrap_or_default()
+    }
+
+    pub(super) fn warm_up_s(&self) -> f64 {
+        match self {
+            Self::Simulated { warm_up_s, .. }
+            | Self::Pjlink { warm_up_s, .. }
+            | Self::Optoma { warm_up_s, .. }
+            | Self::Epson { warm_up_s, .. }
+            | Self::Benq { warm_up_s, .. } => *warm_up_s,
+        }
+    }
+
+    /// The driver; nothing is sent yet.
+    pub fn open(&self, simulated: &dyn SimulatedDevices) -> Box<dyn ProjectorControl> {
+        let patience = Patience::default();
+        match self {
+            Self::Simulated { .. } => simulated.control(),
+            Self::Pjlink { host, port, password, .. } => {
+                Box::new(Pjlink::new(host, *port, password.clone(), patience))
+            }
+            Self::Optoma { port, baud, id, .. } => {
+                Box::new(Optoma::new(port, *baud, *id, patience))
+            }
+            Self::Epson { port, baud, .. } => Box::new(Epson::new(port, *baud, patience)),
+            Self::Benq { port, baud, .. } => Box::new(Benq::new(port, *baud, patience)),
+        }
+    }
+}
+
+impl StageConfig {
+    /// The driver's name in the file.
+    pub fn driver(&self) -> &'static str {
+        match self {
+            Self::Simulated { .. } => "simulated",
+            Self::Grbl { .. } => "grbl",
+            Self::Zaber { .. } => "zaber",
+        }
+    }
+
+    /// Where it is; `None` for one in software.
+    pub fn address(&self) -> Option<Address> {
+        match self {
+            Self::Simulated { .. } => None,
+            Self::Grbl { port, .. } | Self::Zaber { port, .. } => {
+                Some(Address::Serial(port.clone()))
+            }
+        }
+    }
+
+    /// The driver; nothing is sent yet.
+    pub fn open(&self, simulated: &dyn SimulatedDevices) -> Box<dyn Stage> {
+        let patience = Patience::default();
+        let axes = self.axes();
+        match self {
+            Self::Simulated { .. } => simulated.stage(axes),
+            Self::Grbl { port, baud, axes: configs } => {
+                let letters = configs.iter().map(|config| match config.letter {
+                    Letter::X => 0,
+                    Letter::Y => 1,
+                    Letter::Z => 2,
+                });
+                Box::new(Grbl::new(port, *baud, axes.into_iter().zip(letters).collect(), patience))
+            }
+            Self::Zaber { port, baud, axes: configs } => {
+                let wired = axes.into_iter().zip(configs).map(|(axis, config)| ZaberAxis {
+                    axis,
+                    device: config.device,
+                    number: config.axis,
+                    step: config.step,
+                });
+                Box::new(Zaber::new(port, *baud, wired.collect(), patience))
+            }
+        }
+    }
+}

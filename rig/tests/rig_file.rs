@@ -1,0 +1,121 @@
+//! Rig files: those that are right, and what is said of those that are not.
+
+use std::path::Path;
+
+use rig::{ControlConfig, RigFile, RigFileError, StageConfig};
+
+fn parse(text: &str) -> Result<RigFile, RigFileError> {
+    RigFile::parse(Path::new("rig.toml"), text)
+}
+
+const WHOLE: &str = r#"
+version = 1
+[camera]
+driver = "simulated"
+[projector.display]
+driver = "simulated"
+[projector.control]
+driver = "pjlink"
+host = "192.168.0.20"
+password = "secret"
+input = "31"
+[stage]
+driver = "zaber"
+port = "/dev/ttyUSB0"
+axes = [
+    { name = "x", unit = "mm", range = [0.0, 150.0], park = 10.0, device = 1, step = 4.96e-4 },
+    { name = "turn", unit = "deg", range = [-180.0, 180.0], device = 2, step = 2.3e-4 },
+]
+"#;
+
+#[test]
+fn a_whole_rig_is_read_and_written_back() {
+    let file = parse(WHOLE).unwrap();
+    let Some(ControlConfig::Pjlink { port, warm_up_s, .. }) = &file.projector.control else {
+        panic!("{file:?}");
+    };
+    assert_eq!((*port, *warm_up_s), (4352, 180.0));
+    assert!(matches!(&file.stage, Some(StageConfig::Zaber { baud: 115_200, .. })));
+    let again = parse(&toml::to_string(&file).unwrap()).unwrap();
+    assert_eq!(again, file);
+}
+
+#[test]
+fn a_key_that_is_not_known_is_named_with_those_that_are() {
+    for (from, to, words) in [
+        ("[camera]\n", "[camera]\nshutter = 1\n", ["shutter", "camera"]),
+        ("[stage]", "[stages]", ["stages", "stage"]),
+        ("host =", "hots =", ["hots", "password"]),
+        ("[projector.display]", "[projector.monitor]", ["monitor", "display"]),
+        ("park =", "parking =", ["parking", "park"]),
+        ("driver = \"zaber\"", "driver = \"newport\"", ["newport", "grbl"]),
+    ] {
+        let error = parse(&WHOLE.replacen(from, to, 1)).unwrap_err().to_string();
+        for word in words {
+            assert!(error.contains(word), "{to}: {error}");
+        }
+        assert!(error.contains("rig.toml"), "{error}");
+    }
+}
+
+#[test]
+fn values_that_make_no_sense_are_named() {
+    for (from, to, key) in [
+        ("input = \"31\"", "input = \"hdmi\"", "projector.control.input"),
+        ("input = \"31\"", "port = 0", "projector.control.port"),
+        ("input = \"31\"", "warm_up_s = -1.0", "projector.control.warm_up_s"),
+        ("input = \"31\"", "warm_up_s = inf", "projector.control.warm_up_s"),
+        ("\"192.168.0.20\"", "\"\"", "projector.control.host"),
+        ("\"secret\"", "\"two words\"", "projector.control.password"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"/dev/ttyUSB0\"\nbaud = 9601", "stage.baud"),
+        ("\"/dev/ttyUSB0\"", "\"\"", "stage.port"),
+        ("[0.0, 150.0]", "[150.0, 0.0]", "stage.axes[0].range"),
+        ("[0.0, 150.0]", "[nan, 150.0]", "stage.axes[0].range"),
+        ("park = 10.0", "park = 151.0", "stage.axes[0].park"),
+        ("4.96e-4", "0.0", "stage.axes[0].step"),
+        ("device = 2", "device = 1", "stage.axes[1].device"),
+        ("device = 2", "device = 0", "stage.axes[1].device"),
+        ("\"turn\"", "\"x\"", "stage.axes[1].name"),
+    ] {
+        assert!(WHOLE.contains(from), "{from}");
+        match parse(&WHOLE.replacen(from, to, 1)) {
+            Err(RigFileError::Value { key: found, .. }) => assert_eq!(found, key),
+            other => panic!("{to}: {other:?}"),
+        }
+    }
+    let secret = parse(&WHOLE.replacen("\"secret\"", "\"se cret\"", 1)).unwrap_err().to_string();
+    assert!(!secret.contains("se cret"), "{secret}");
+}
+
+#[test]
+fn two_devices_cannot_share_a_port_and_a_rig_is_not_nothing() {
+    let shared = r#"
+        version = 1
+        [projector.control]
+        driver = "optoma"
+        port = "/dev/ttyUSB0"
+        [stage]
+        driver = "grbl"
+        port = "/dev/ttyUSB0"
+        axes = [{ name = "x", unit = "mm", range = [0.0, 1.0], letter = "X" }]
+    "#;
+    let error = parse(shared).unwrap_err();
+    assert!(matches!(&error, RigFileError::Value { key, .. } if key == "stage.port"), "{error}");
+    assert!(matches!(parse("version = 1"), Err(RigFileError::Value { .. })));
+    assert!(matches!(parse("version = 2\nnew = 1"), Err(RigFileError::Newer { found: 2, .. })));
+    assert!(matches!(parse("version = "), Err(RigFileError::Syntax { .. })));
+    let missing = RigFile::read(Path::new("/there/is/no/such/rig.toml"));
+    assert!(matches!(missing, Err(RigFileError::Read { .. })));
+}
+
+#[test]
+fn the_examples_of_the_documentation_are_right() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/devices.md");
+    let text = std::fs::read_to_string(page).unwrap();
+    let examples: Vec<&str> =
+        text.split("```toml").skip(1).filter_map(|part| part.split("```").next()).collect();
+    assert!(!examples.is_empty());
+    for example in examples {
+        parse(example).unwrap_or_else(|error| panic!("{error}\n{example}"));
+    }
+}
