@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::commands::{
-    calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report, solve,
-    status, verify,
+    calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report, rig,
+    solve, status, verify,
 };
 use crate::output::Done;
 use clap::{Parser, Subcommand};
@@ -27,6 +27,9 @@ enum Command {
     Init(init::Args),
     /// Check this machine, and a session if one is named
     Doctor(doctor::Args),
+    /// The devices of a rig: what is connected, and whether it works
+    #[command(subcommand)]
+    Rig(rig::Args),
     /// Show what a capture takes, without touching hardware
     Plan(plan::Args),
     /// Take the pictures that are missing
@@ -109,6 +112,7 @@ fn run(command: Command) -> Result<Done, Failure> {
     match command {
         Command::Init(args) => init::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Rig(args) => rig::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Capture(args) => capture::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

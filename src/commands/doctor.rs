@@ -73,8 +73,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         graphics(),
         Check::note(
             "devices",
-            "the simulated rig",
-            "this version drives no cameras or projectors; pictures taken elsewhere come in with: diaphane import",
+            "the simulated rig; projectors' remote controls and stages: diaphane rig list",
+            "this version drives no cameras; pictures taken elsewhere come in with: diaphane import",
         ),
     ];
     if let Some(session) = &session {

@@ -1,0 +1,56 @@
+//! `diaphane rig`: the devices of a rig, without a session.
+
+mod list;
+mod permission;
+mod test;
+
+use crate::Failure;
+use crate::output::Done;
+use ::rig::devices::{ProjectorControl, Stage, StageAxis};
+use ::rig::{RigFileError, SimulatedDevices};
+use clap::Subcommand;
+use simulator::devices::{ProjectorSpec, SimulatedProjector, SimulatedStage};
+
+#[derive(Subcommand)]
+pub(crate) enum Args {
+    /// What is connected, and what is in the way
+    List(list::Args),
+    /// Try each device for a moment
+    Test(test::Args),
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    match args {
+        Args::List(args) => list::run(args),
+        Args::Test(args) => test::run(args),
+    }
+}
+
+/// Of a simulated stage, mm or degrees a second: about that of a small real one.
+const SPEED: f64 = 20.0;
+
+/// The devices that a rig file calls simulated.
+struct Simulated;
+
+impl SimulatedDevices for Simulated {
+    fn control(&self) -> Box<dyn ProjectorControl> {
+        Box::new(SimulatedProjector::new(ProjectorSpec::default()))
+    }
+
+    fn stage(&self, axes: Vec<StageAxis>) -> Box<dyn Stage> {
+        Box::new(SimulatedStage::new(axes, SPEED))
+    }
+}
+
+impl From<RigFileError> for Failure {
+    fn from(error: RigFileError) -> Self {
+        let hint = match &error {
+            RigFileError::Read { .. } => "write one; docs/devices.md has examples",
+            RigFileError::Newer { .. } => "update Diaphane",
+            RigFileError::Syntax { .. } | RigFileError::Value { .. } => {
+                "docs/devices.md has all keys"
+            }
+        };
+        Self::input(error).hint(hint)
+    }
+}

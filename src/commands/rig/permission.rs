@@ -1,0 +1,68 @@
+//! The way out where a serial port may not be opened, is in use, or is not there.
+
+use ::rig::devices::{UsbAdapter, usb_adapter};
+use ::rig::{Address, DeviceErrorKind};
+
+/// What to do about a device at `address` that could not be used.
+pub(super) fn advice(kind: DeviceErrorKind, address: Option<&Address>) -> Option<String> {
+    let serial = match address {
+        Some(Address::Serial(path)) => Some(path.as_str()),
+        _ => None,
+    };
+    Some(match (kind, serial) {
+        (DeviceErrorKind::NoPermission, Some(path)) => {
+            format!("{}\n{}", group(), udev_rule(path, usb_adapter(path).as_ref()))
+        }
+        (DeviceErrorKind::Busy, Some(path)) => {
+            format!("another program has it; find out which: fuser {path}")
+        }
+        (DeviceErrorKind::NotFound, Some(_)) => {
+            "plug it in; what is there: diaphane rig list".into()
+        }
+        (DeviceErrorKind::NotFound, None) => {
+            "is it switched on, and its network control too? Is the address right?".into()
+        }
+        (DeviceErrorKind::Timeout | DeviceErrorKind::Protocol, Some(_)) => {
+            "is it switched on, the cable the right one (crossed or not), and the speed that of the device's menu?".into()
+        }
+        (DeviceErrorKind::Fault, _) => {
+            "look at the device; then: diaphane rig test RIG --home, or --unlock".into()
+        }
+        _ => return None,
+    })
+}
+
+fn group() -> &'static str {
+    "add yourself to the group that may: sudo usermod -aG dialout $USER, and log in again; or add a rule"
+}
+
+/// What to type to have the port opened to whoever sits at the machine.
+fn udev_rule(path: &str, usb: Option<&UsbAdapter>) -> String {
+    let which = match usb {
+        Some(usb) => format!(
+            "ATTRS{{idVendor}}==\"{:04x}\", ATTRS{{idProduct}}==\"{:04x}\"",
+            usb.vendor, usb.product
+        ),
+        None => format!("KERNEL==\"{}\"", path.rsplit('/').next().unwrap_or(path)),
+    };
+    format!(
+        "echo 'SUBSYSTEM==\"tty\", {which}, MODE=\"0660\", TAG+=\"uaccess\"' | sudo tee /etc/udev/rules.d/70-diaphane.rules\n\
+         sudo udevadm control --reload && sudo udevadm trigger"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rule_names_the_adapter_or_else_the_port() {
+        let usb = UsbAdapter { vendor: 0x1a86, product: 0x7523, name: String::new() };
+        let rule = udev_rule("/dev/ttyUSB0", Some(&usb));
+        assert!(rule.contains(r#"ATTRS{idVendor}=="1a86", ATTRS{idProduct}=="7523""#), "{rule}");
+        assert!(udev_rule("/dev/ttyS0", None).contains(r#"KERNEL=="ttyS0""#));
+        let port = Address::Serial("/dev/there-is-no-such-port".into());
+        let told = advice(DeviceErrorKind::NoPermission, Some(&port)).unwrap_or_default();
+        assert!(told.contains("dialout") && told.contains("udevadm"), "{told}");
+    }
+}

@@ -1,0 +1,144 @@
+//! `diaphane rig`: devices that are there, that are not, and that misbehave.
+#![cfg(unix)]
+
+mod common;
+
+use common::diaphane;
+use rig::devices::{Coordinate, Millimetres, PowerState, ProjectorControl, Range, StageAxis};
+use simulator::devices::{
+    EpsonEmulator, GrblEmulator, PjlinkEmulator, ProjectorSpec, Prompt, SimulatedProjector,
+    SimulatedStage, StageFailure, Wire,
+};
+use std::path::PathBuf;
+use tempfile::{TempDir, tempdir};
+
+fn rig_file(text: &str) -> (TempDir, PathBuf) {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("rig.toml");
+    std::fs::write(&path, format!("version = 1\n{text}")).unwrap();
+    (folder, path)
+}
+
+fn rig(command: &str, path: &PathBuf, flags: &[&str]) -> common::Run {
+    let arguments = ["rig", command].into_iter().map(Into::into);
+    let arguments = arguments.chain([path.clone().into_os_string()]);
+    diaphane(arguments.chain(flags.iter().map(Into::into)))
+}
+
+const SIMULATED: &str = r#"
+[camera]
+driver = "simulated"
+[projector.display]
+driver = "simulated"
+[projector.control]
+driver = "simulated"
+[stage]
+driver = "simulated"
+axes = [{ name = "x", unit = "mm", range = [0.0, 50.0] }]
+"#;
+
+#[test]
+fn a_simulated_rig_is_fake_and_passes() {
+    let (_folder, path) = rig_file(SIMULATED);
+    let run = rig("list", &path, &[]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    let devices = run.json["devices"].as_array().unwrap();
+    assert_eq!(devices.len(), 4);
+    assert!(devices.iter().all(|d| d["state"] == "fake"), "{}", run.json);
+
+    let run = rig("test", &path, &["--power", "--home"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(run.json["pass"], true);
+    let checks = run.json["devices"][0]["checks"].as_array().unwrap();
+    let mute = checks.iter().find(|c| c["name"] == "mute").unwrap();
+    assert_eq!(mute["result"], "pass", "{}", run.json);
+}
+
+fn projector() -> SimulatedProjector {
+    let warm_up = std::time::Duration::from_millis(200);
+    SimulatedProjector::new(ProjectorSpec { warm_up, ..ProjectorSpec::default() })
+}
+
+fn slide() -> SimulatedStage {
+    let range = Range::Linear(Millimetres(0.0), Millimetres(50.0));
+    let park = Some(Coordinate::Linear(Millimetres(0.0)));
+    SimulatedStage::new(vec![StageAxis { name: "x".into(), range, park }], 50.0)
+}
+
+fn grbl(wire: &Wire) -> String {
+    format!(
+        "[stage]\ndriver = \"grbl\"\nport = {:?}\n\
+         axes = [{{ name = \"x\", unit = \"mm\", range = [0.0, 50.0], letter = \"X\" }}]\n",
+        wire.address()
+    )
+}
+
+#[test]
+fn devices_behind_their_protocols_are_found_and_tested() {
+    let mut lamp = projector();
+    let network = Wire::tcp(0, PjlinkEmulator::new(lamp.clone(), Some("secret"))).unwrap();
+    let stage = slide();
+    let serial = Wire::serial(GrblEmulator::new(stage.clone())).unwrap();
+    let (_folder, path) = rig_file(&format!(
+        "[projector.control]\ndriver = \"pjlink\"\nhost = \"127.0.0.1\"\nport = {}\n\
+         password = \"secret\"\ninput = \"31\"\n{}",
+        network.port().unwrap(),
+        grbl(&serial)
+    ));
+    // The board is locked until it has been homed, as real ones are.
+    let run = rig("list", &path, &[]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert_eq!(run.json["devices"][0]["state"], "found", "{}", run.json);
+    assert_eq!(run.json["devices"][1]["state"], "trouble", "{}", run.json);
+    assert!(run.json["hint"].as_str().unwrap().contains("--home"), "{}", run.json);
+
+    let run = rig("test", &path, &["--power", "--home"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(lamp.power_state().unwrap(), PowerState::On);
+    assert_eq!(lamp.input(), "31");
+    assert_eq!(stage.at(0), 0.0);
+
+    stage.fail(StageFailure::HitLimit);
+    let run = rig("test", &path, &["--home"]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(run.stderr.contains("limit switch"), "{}", run.stderr);
+    assert_eq!(run.json["pass"], false);
+}
+
+#[test]
+fn what_is_in_the_way_is_told_apart() {
+    let wire = Wire::serial(EpsonEmulator::new(projector(), Prompt::AtOnce)).unwrap();
+    let epson = |port: &str| {
+        rig_file(&format!("[projector.control]\ndriver = \"epson\"\nport = {port:?}\n"))
+    };
+    let state = |path: &PathBuf| {
+        let run = rig("list", path, &[]);
+        (run.json["devices"][0]["state"].as_str().unwrap().to_owned(), run.code)
+    };
+    let (_folder, path) = epson(wire.address());
+    assert_eq!(state(&path), ("found".to_owned(), 0));
+    let mut held =
+        rig::devices::Epson::new(wire.address(), 9600, rig::devices::Patience::default());
+    held.power_state().unwrap();
+    assert_eq!(state(&path), ("busy".to_owned(), 1));
+    let (_folder, path) = epson("/dev/there-is-no-such-port");
+    assert_eq!(state(&path), ("not-found".to_owned(), 1));
+}
+
+#[test]
+fn rig_files_that_are_wrong_are_refused() {
+    let (_folder, path) = rig_file("[camera]\ndriver = \"simulated\"\nshutter = 1\n");
+    for command in ["list", "test"] {
+        let run = rig(command, &path, &[]);
+        assert_eq!(run.code, 2, "{}", run.stderr);
+        assert!(run.json["error"].as_str().unwrap().contains("shutter"), "{}", run.json);
+        assert!(run.json["hint"].as_str().unwrap().contains("docs/devices.md"), "{}", run.json);
+    }
+    let (_folder, path) = rig_file("[camera]\ndriver = \"simulated\"\n");
+    assert_eq!(rig("test", &path, &[]).code, 2);
+    assert_eq!(rig("list", &path.with_file_name("none.toml"), &[]).code, 2);
+    // Whatever ports this machine has.
+    let run = diaphane(["rig", "list"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert!(run.json["devices"].is_array());
+}
