@@ -9,7 +9,7 @@ use simulator::devices::{
     EpsonEmulator, GrblEmulator, PjlinkEmulator, ProjectorSpec, Prompt, SimulatedProjector,
     SimulatedStage, StageFailure, Wire,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::{TempDir, tempdir};
 
 fn rig_file(text: &str) -> (TempDir, PathBuf) {
@@ -19,9 +19,9 @@ fn rig_file(text: &str) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-fn rig(command: &str, path: &PathBuf, flags: &[&str]) -> common::Run {
+fn rig(command: &str, path: &Path, flags: &[&str]) -> common::Run {
     let arguments = ["rig", command].into_iter().map(Into::into);
-    let arguments = arguments.chain([path.clone().into_os_string()]);
+    let arguments = arguments.chain([path.as_os_str().to_owned()]);
     diaphane(arguments.chain(flags.iter().map(Into::into)))
 }
 
@@ -111,7 +111,7 @@ fn what_is_in_the_way_is_told_apart() {
     let epson = |port: &str| {
         rig_file(&format!("[projector.control]\ndriver = \"epson\"\nport = {port:?}\n"))
     };
-    let state = |path: &PathBuf| {
+    let state = |path: &Path| {
         let run = rig("list", path, &[]);
         (run.json["devices"][0]["state"].as_str().unwrap().to_owned(), run.code)
     };

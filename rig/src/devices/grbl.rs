@@ -226,6 +226,14 @@ impl Grbl {
     /// Asks for a status report.
     fn status(&mut self) -> Result<Status, DeviceError> {
         self.ready()?;
+        // What came before the question is no answer to it, but may be an alarm.
+        loop {
+            match self.next(Instant::now() + Duration::from_millis(2)) {
+                Ok(_) | Err(DeviceError::Protocol { .. }) => {}
+                Err(DeviceError::Timeout { .. }) => break,
+                Err(error) => return Err(error),
+            }
+        }
         self.link.send(b"?")?;
         let deadline = self.link.deadline();
         loop {

@@ -181,10 +181,16 @@ fn reach(
     // A projector that cools down or warms up takes no orders, so it is asked only when it is
     // settled in the other state, and then once in a while: an order may have come too early.
     let settled = if goal == PowerState::On { PowerState::Off } else { PowerState::On };
+    let on_the_way = if goal == PowerState::On { PowerState::Warming } else { PowerState::Cooling };
     let mut asked = false;
     loop {
-        let state = projector.power_state()?;
         let passed = started.elapsed();
+        let state = match projector.power_state() {
+            Ok(state) => state,
+            // Many hear nothing while they warm up or cool down.
+            Err(error) if passed < limit && passes(&error, asked) => on_the_way,
+            Err(error) => return Err(error),
+        };
         if !progress(state, passed) {
             let device = projector.name()?;
             return Err(DeviceError::Declined { device, reason: "stopped while waiting".into() });
@@ -212,6 +218,16 @@ fn reach(
     }
 }
 
+/// Whether a projector that cannot be asked may be on its way: a silent one only if it has been
+/// heard before.
+fn passes(error: &DeviceError, asked: bool) -> bool {
+    match error {
+        DeviceError::Busy { .. } => true,
+        DeviceError::Timeout { .. } => asked,
+        _ => false,
+    }
+}
+
 fn fail_on_faults(projector: &mut dyn ProjectorControl) -> Result<(), DeviceError> {
     let faults = projector.faults()?.unwrap_or_default();
     match faults.iter().find(|f| f.severity == Severity::Error) {
@@ -219,5 +235,72 @@ fn fail_on_faults(projector: &mut dyn ProjectorControl) -> Result<(), DeviceErro
             Err(DeviceError::Fault { device: projector.name()?, reason: fault.to_string() })
         }
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::DeviceErrorKind;
+    use std::collections::VecDeque;
+
+    /// Answers the question for its state with one after the other of these.
+    struct Told(VecDeque<Result<PowerState, DeviceErrorKind>>, u32);
+
+    fn error(kind: DeviceErrorKind) -> DeviceError {
+        let device = "told".to_owned();
+        match kind {
+            DeviceErrorKind::Busy => DeviceError::Busy { device },
+            _ => DeviceError::Timeout { device, waited_s: 1.0 },
+        }
+    }
+
+    impl ProjectorControl for Told {
+        fn name(&mut self) -> Result<String, DeviceError> {
+            Ok("told".into())
+        }
+        fn power_state(&mut self) -> Result<PowerState, DeviceError> {
+            self.0.pop_front().unwrap_or(Ok(PowerState::Warming)).map_err(error)
+        }
+        fn set_power(&mut self, _: bool) -> Result<(), DeviceError> {
+            self.1 += 1;
+            Ok(())
+        }
+        fn select_input(&mut self, _: &str) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn av_mute(&mut self) -> Result<Option<bool>, DeviceError> {
+            Ok(None)
+        }
+        fn set_av_mute(&mut self, _: bool) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn lamp_hours(&mut self) -> Result<Vec<u32>, DeviceError> {
+            Ok(Vec::new())
+        }
+        fn faults(&mut self) -> Result<Option<Vec<Fault>>, DeviceError> {
+            Ok(None)
+        }
+    }
+
+    #[test]
+    fn deafness_is_waited_out_after_an_order_and_not_before() {
+        use DeviceErrorKind as K;
+        let limit = Duration::from_secs(20);
+        let states = [Ok(PowerState::Off), Err(K::Timeout), Err(K::Busy), Ok(PowerState::On)];
+        let mut projector = Told(states.into(), 0);
+        power_on(&mut projector, limit, &mut |_, _| true).unwrap();
+        assert_eq!(projector.1, 1);
+        let mut silent = Told([Err(K::Timeout), Ok(PowerState::On)].into(), 0);
+        let error = power_on(&mut silent, limit, &mut |_, _| true).unwrap_err();
+        assert_eq!((error.kind(), silent.1), (K::Timeout, 0));
+    }
+
+    #[test]
+    fn one_that_never_gets_there_ends_at_the_limit() {
+        let mut projector = Told(VecDeque::new(), 0);
+        let limit = Duration::from_millis(20);
+        let error = power_on(&mut projector, limit, &mut |_, _| true).unwrap_err();
+        assert_eq!((error.kind(), projector.1), (DeviceErrorKind::Timeout, 0));
     }
 }
