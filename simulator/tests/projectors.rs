@@ -212,7 +212,16 @@ fn a_lamp_that_does_not_light_ends_the_wait() {
         bench.projector.break_lamp();
         let limit = Duration::from_secs(3);
         let started = Instant::now();
-        let error = power_on(bench.driver.as_mut(), limit, &mut |_, _| true).unwrap_err();
+        let mut states = Vec::new();
+        let error = power_on(bench.driver.as_mut(), limit, &mut |state, _| {
+            states.push(state);
+            true
+        })
+        .unwrap_err();
+        states.dedup();
+        // A lamp that failed is not lit again and again: that is what breaks it.
+        let lit = states.iter().filter(|&&state| state == PowerState::Warming).count();
+        assert!(lit == 1 || protocol == "benq", "{protocol}: {states:?}");
         // BenQ's protocol has no word for it: there it is only never on.
         let kind = match protocol {
             "benq" => DeviceErrorKind::Timeout,

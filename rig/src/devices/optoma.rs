@@ -387,6 +387,19 @@ mod tests {
     }
 
     #[test]
+    fn off_after_an_order_is_warming_up_though_nothing_is_announced() {
+        let link = scripted(vec![
+            Step::Expect(b"~0000 1\r"),
+            Step::Reply(b"P\r"),
+            Step::Expect(b"~00124 1\r"),
+            Step::Reply(b"OK0\r"),
+        ]);
+        let mut projector = Optoma::over(link, 0);
+        projector.set_power(true).unwrap();
+        assert_eq!(projector.power_state().unwrap(), PowerState::Warming);
+    }
+
+    #[test]
     fn half_a_value_is_not_believed() {
         let link = scripted(vec![
             Step::Expect(b"~00108 1\r"),
