@@ -4,10 +4,12 @@
 mod common;
 
 use common::diaphane;
-use rig::devices::{Coordinate, Millimetres, PowerState, ProjectorControl, Range, StageAxis};
+use rig::devices::{
+    Coordinate, Millimetres, PowerState, ProjectorControl, Range, StageAxis, power_on,
+};
 use simulator::devices::{
     EpsonEmulator, GrblEmulator, PjlinkEmulator, ProjectorSpec, Prompt, SimulatedProjector,
-    SimulatedStage, StageFailure, Wire,
+    SimulatedStage, StageFailure, Wire, ZaberEmulator,
 };
 use std::path::{Path, PathBuf};
 use tempfile::{TempDir, tempdir};
@@ -54,6 +56,35 @@ fn a_simulated_rig_is_fake_and_passes() {
     assert_eq!(mute["result"], "pass", "{}", run.json);
 }
 
+#[test]
+fn parking_moves_the_stage_and_switches_the_projector_off() {
+    let mut lamp = projector();
+    power_on(&mut lamp, std::time::Duration::from_secs(30), &mut |_, _| true).unwrap();
+    let network = Wire::tcp(0, PjlinkEmulator::new(lamp.clone(), None)).unwrap();
+    let stage = slide();
+    let serial = Wire::serial(ZaberEmulator::new(stage.clone(), 0.001)).unwrap();
+    let (_folder, path) = rig_file(&format!(
+        "[projector.control]\ndriver = \"pjlink\"\nhost = \"127.0.0.1\"\nport = {}\n\
+         [stage]\ndriver = \"zaber\"\nport = {:?}\n\
+         axes = [{{ name = \"x\", unit = \"mm\", range = [0.0, 50.0], park = 2.5, device = 1, step = 0.001 }}]\n",
+        network.port().unwrap(),
+        serial.address()
+    ));
+    // A stage that does not know where it is cannot be parked; the projector waits for it.
+    let run = rig("park", &path, &[]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(run.json["hint"].as_str().unwrap().contains("--home"), "{}", run.json);
+    assert_eq!(lamp.power_state().unwrap(), PowerState::On);
+    let run = rig("park", &path, &["--home"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(stage.at(0), 2.5);
+    assert_eq!(lamp.power_state().unwrap(), PowerState::Off);
+    assert_eq!(rig("halt", &path, &[]).code, 0);
+    let (_folder, path) = rig_file("[camera]\ndriver = \"simulated\"\n");
+    assert_eq!(rig("park", &path, &[]).code, 2);
+    assert_eq!(rig("halt", &path, &[]).code, 2);
+}
+
 fn projector() -> SimulatedProjector {
     let warm_up = std::time::Duration::from_millis(200);
     SimulatedProjector::new(ProjectorSpec { warm_up, ..ProjectorSpec::default() })
@@ -98,6 +129,8 @@ fn devices_behind_their_protocols_are_found_and_tested() {
     assert_eq!(lamp.input(), "31");
     assert_eq!(stage.at(0), 0.0);
 
+    let run = rig("halt", &path, &[]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
     stage.fail(StageFailure::HitLimit);
     let run = rig("test", &path, &["--home"]);
     assert_eq!(run.code, 1, "{}", run.stderr);

@@ -2,6 +2,7 @@
 
 mod list;
 mod permission;
+mod rest;
 mod test;
 
 use crate::Failure;
@@ -17,12 +18,18 @@ pub(crate) enum Args {
     List(list::Args),
     /// Try each device for a moment
     Test(test::Args),
+    /// Put everything away: the stage to its parking places, the projector off
+    Park(rest::Park),
+    /// Stop the stage at once, wherever it is
+    Halt(rest::Halt),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     match args {
         Args::List(args) => list::run(args),
         Args::Test(args) => test::run(args),
+        Args::Park(args) => rest::park(args),
+        Args::Halt(args) => rest::halt(args),
     }
 }
 

@@ -26,7 +26,7 @@ pub(super) fn advice(kind: DeviceErrorKind, address: Option<&Address>) -> Option
             "is it switched on, the cable the right one (crossed or not), and the speed that of the device's menu?".into()
         }
         (DeviceErrorKind::Fault, _) => {
-            "look at the device; then: diaphane rig test RIG --home, or --unlock".into()
+            "look at the device; then home it, with --home, or if that cannot be: diaphane rig test RIG --unlock".into()
         }
         _ => return None,
     })

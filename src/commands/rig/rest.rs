@@ -1,0 +1,87 @@
+//! `diaphane rig park` and `diaphane rig halt`: the end of the work, and the end of a fright.
+
+use super::{Simulated, permission};
+use crate::Failure;
+use crate::cli::STOP;
+use crate::output::{Done, Progress};
+use ::rig::devices::{PowerState, power_off};
+use ::rig::{Address, DeviceError, RigFile};
+use serde_json::json;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+/// Put everything away: the stage to its parking places, the projector off
+#[derive(clap::Args)]
+#[command(
+    after_help = "Examples:\n  diaphane rig park rig.toml\n  diaphane rig park rig.toml --home"
+)]
+pub(crate) struct Park {
+    /// Rig file
+    rig: PathBuf,
+    /// Find the stage's reference first: it goes to its switches
+    #[arg(long)]
+    home: bool,
+}
+
+/// Stop the stage at once, wherever it is; it may lose its place
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane rig halt rig.toml")]
+pub(crate) struct Halt {
+    /// Rig file
+    rig: PathBuf,
+}
+
+/// For the way to one parking place: the longest slides need minutes.
+const MOVE: Duration = Duration::from_secs(180);
+
+/// Lamps cool down for a minute or two.
+const COOLING: Duration = Duration::from_secs(300);
+
+pub(super) fn park(args: &Park) -> Result<Done, Failure> {
+    let file = RigFile::read(&args.rig)?;
+    let mut done = Vec::new();
+    // The stage first: it is the one that stands in the way.
+    if let Some(config) = &file.stage {
+        let mut stage = config.open(&Simulated);
+        let homed = if args.home { stage.home(MOVE) } else { Ok(()) };
+        homed.and_then(|()| stage.park(MOVE)).map_err(|error| failure(error, config.address()))?;
+        done.push("stage");
+    }
+    if let Some(config) = &file.projector.control {
+        let mut projector = config.open(&Simulated);
+        let mut progress = Progress::new("projector", 0);
+        power_off(projector.as_mut(), COOLING, &mut |state: PowerState, _| {
+            progress.set(0, &state.to_string());
+            !STOP.load(Ordering::Relaxed)
+        })
+        .map_err(|error| failure(error, config.address()))?;
+        progress.finish("off");
+        done.push("projector");
+    }
+    if done.is_empty() {
+        return Err(nothing(&args.rig, "neither a [stage] nor a [projector.control] to park"));
+    }
+    Ok(Done::new(json!({ "parked": done }), format!("parked: {}", done.join(", "))))
+}
+
+pub(super) fn halt(args: &Halt) -> Result<Done, Failure> {
+    let file = RigFile::read(&args.rig)?;
+    let Some(config) = &file.stage else {
+        return Err(nothing(&args.rig, "no [stage] to halt"));
+    };
+    let mut stage = config.open(&Simulated);
+    stage.halt().map_err(|error| failure(error, config.address()))?;
+    let text = format!("{}: halted; it may have to be homed", stage.name());
+    Ok(Done::new(json!({ "halted": stage.name() }), text))
+}
+
+fn nothing(path: &std::path::Path, what: &str) -> Failure {
+    Failure::input(format!("{}: there is {what}", path.display()))
+        .hint("docs/devices.md has examples")
+}
+
+fn failure(error: DeviceError, address: Option<Address>) -> Failure {
+    let advice = permission::advice(error.kind(), address.as_ref());
+    Failure { hint: advice, ..Failure::other(error) }
+}
