@@ -14,8 +14,9 @@ use simulator::devices::{
     SimulatedProjector, Wire, WireFault,
 };
 
+/// A second is much for an answer of a few bytes, and little for a machine with other things to do.
 const PATIENCE: Patience =
-    Patience { reply: Duration::from_millis(400), attempts: 3, pause: Duration::from_millis(30) };
+    Patience { reply: Duration::from_secs(1), attempts: 3, pause: Duration::from_millis(30) };
 
 /// Nothing here takes as long; whoever comes past it hangs.
 const FOR_EVER: Duration = Duration::from_secs(30);
@@ -25,7 +26,7 @@ const SLOW: Duration = Duration::from_secs(5);
 
 fn quick() -> SimulatedProjector {
     let spec = ProjectorSpec {
-        warm_up: Duration::from_millis(1200),
+        warm_up: Duration::from_secs(3),
         cool_down: Duration::from_millis(300),
         lamp_hours: 1234,
     };
@@ -210,7 +211,7 @@ fn a_lamp_that_does_not_light_ends_the_wait() {
     for_each_protocol(|protocol| {
         let mut bench = bench(protocol);
         bench.projector.break_lamp();
-        let limit = Duration::from_secs(3);
+        let limit = Duration::from_secs(7);
         let started = Instant::now();
         let mut states = Vec::new();
         let error = power_on(bench.driver.as_mut(), limit, &mut |state, _| {

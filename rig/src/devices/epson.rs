@@ -104,17 +104,20 @@ fn ask(link: &mut Link, command: &str) -> Result<Reply, DeviceError> {
     }
     link.discard()?;
     link.send(format!("{command}\r").as_bytes())?;
-    receive(link)
+    receive(link, command.ends_with('?'))
 }
 
-fn receive(link: &mut Link) -> Result<Reply, DeviceError> {
+/// The answer to a question, or to an order. A `:` alone answers no question: it was held back
+/// until the lamp burned.
+fn receive(link: &mut Link, question: bool) -> Result<Reply, DeviceError> {
     let deadline = link.deadline();
     loop {
         let part = link.receive(b":", deadline)?;
         // Networked models announce events between the answers.
         match parse_reply(&part).map_err(|e| e.of(link.device()))? {
+            Some(Reply::Done) if question => {}
             Some(reply) => return Ok(reply),
-            None => continue,
+            None => {}
         }
     }
 }
@@ -152,7 +155,7 @@ impl ProjectorControl for Epson {
         // Anything that may be wrong with the connection shows here, where it can be repeated.
         self.question("PWR")?;
         self.link.send(format!("{command}\r").as_bytes())?;
-        match receive(&mut self.link) {
+        match receive(&mut self.link, false) {
             Ok(Reply::Refused) => Err(self.refused(command)),
             Ok(_) => Ok(()),
             // It says `:` when the lamp burns.
@@ -341,6 +344,18 @@ mod tests {
         let mut projector = Epson::over(link);
         projector.set_power(true).unwrap();
         assert_eq!(projector.power_state().unwrap(), PowerState::On);
+    }
+
+    #[test]
+    fn a_late_colon_answers_no_question() {
+        let link = scripted(vec![
+            Step::Expect(b"\r"),
+            Step::Reply(b":"),
+            Step::Expect(b"LAMP?\r"),
+            Step::Reply(b":"),
+            Step::Reply(b"LAMP=77\r:"),
+        ]);
+        assert_eq!(Epson::over(link).lamp_hours().unwrap(), [77]);
     }
 
     #[test]

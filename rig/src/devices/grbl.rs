@@ -249,10 +249,7 @@ impl Grbl {
         let mut pause = patience.pause;
         for _ in 1..patience.attempts {
             match self.status() {
-                Err(error)
-                    if error.kind().is_transient()
-                        || matches!(error, DeviceError::Disconnected { .. }) =>
-                {
+                Err(error) if self.link.may_pass(&error) => {
                     std::thread::sleep(pause);
                     pause *= 2;
                 }

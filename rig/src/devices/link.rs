@@ -34,7 +34,7 @@ pub struct Link {
     connection: Option<Box<dyn Connection>>,
     /// Bytes that came and were not asked for yet.
     received: Vec<u8>,
-    /// Whether there has been a connection: a path that vanishes then is a plug that was pulled.
+    /// Whether there has been a connection.
     was_open: bool,
     patience: Patience,
 }
@@ -207,6 +207,16 @@ impl Link {
         }
     }
 
+    /// Whether the same may succeed a moment later. A path that vanishes is a plug that was pulled
+    /// and may be put back; one that never was there is a slip of the pen.
+    pub fn may_pass(&self, error: &DeviceError) -> bool {
+        match error {
+            DeviceError::Disconnected { .. } => true,
+            DeviceError::NotFound { .. } => self.was_open,
+            error => error.kind().is_transient(),
+        }
+    }
+
     /// Does `action`, and again after a longer and longer pause, each time over a new connection,
     /// while it fails in a way that may pass. `action` has to be harmless when repeated.
     ///
@@ -223,12 +233,7 @@ impl Link {
                 Ok(done) => return Ok(done),
                 Err(error) => error,
             };
-            let passing = match error {
-                DeviceError::Disconnected { .. } => true,
-                DeviceError::NotFound { .. } => self.was_open,
-                ref error => error.kind().is_transient(),
-            };
-            if !passing || attempt >= self.patience.attempts {
+            if !self.may_pass(&error) || attempt >= self.patience.attempts {
                 return Err(error);
             }
             // "Busy" is an answer: the connection is good.

@@ -113,10 +113,7 @@ impl Zaber {
         let mut pause = patience.pause;
         for _ in 1..patience.attempts {
             match self.tell(axis, words) {
-                Err(error)
-                    if error.kind().is_transient()
-                        || matches!(error, DeviceError::Disconnected { .. }) =>
-                {
+                Err(error) if self.link.may_pass(&error) => {
                     std::thread::sleep(pause);
                     pause *= 2;
                 }

@@ -248,6 +248,9 @@ fn serve_serial(pair: Pair, path: &std::path::Path, mut protocol: impl Protocol,
         if state.stopped() {
             return;
         }
+        // The link first: the number of a closed pseudo-terminal may be another's a moment later.
+        // If it cannot be removed it is replaced below.
+        let _ = std::fs::remove_file(path);
         drop((device, computer));
         pair = open_pair(path).ok();
     }
