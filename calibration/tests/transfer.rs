@@ -119,3 +119,27 @@ fn saturation_below_full_scale_and_copied_frames_are_refused() {
     let error = transfer.add_flats(&a, &copy).unwrap_err().to_string();
     assert!(error.contains("copy.png") && error.contains("one.png"), "{error}");
 }
+
+/// A brightest code that many samples share by noise alone is no saturation, nor is one of 8 bits,
+/// where noise may be less than a code.
+#[test]
+fn a_full_top_code_that_is_noise_is_no_saturation() {
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let mut dim = |name: &str, max_value: u16, mean: f64, sigma: f64| {
+        let mut photo = frame(name, 0.0, 1.0, &mut rng);
+        for v in &mut photo.data {
+            let noise: f64 = rng.sample(StandardNormal);
+            *v = (mean + sigma * noise).clamp(39.0, 42.0).round() as u16;
+        }
+        Photo { max_value, ..photo }
+    };
+    // About 4 % at 42, some 35 % at 41; in 8 bits nine in ten at 40, the rest below.
+    let wide = ["one", "other"].map(|name| dim(name, 65535, 40.3, 0.7));
+    let narrow = ["one", "other"].map(|name| dim(name, 255, 39.75, 0.2));
+    for (pair, saturation) in [(wide, 16383.0), (narrow, 255.0)] {
+        let brightest = pair[0].data.iter().max().unwrap();
+        let there = pair[0].data.iter().filter(|v| *v == brightest).count();
+        assert!(there as f64 > 0.01 * pair[0].data.len() as f64, "{there} at {brightest}");
+        PhotonTransfer::new(Some(saturation)).add_flats(&pair[0], &pair[1]).unwrap();
+    }
+}
