@@ -5,6 +5,8 @@ use crate::commands::calibrate::{described, frame_and_time};
 use crate::session::Session;
 use calibration::{MasterDark, Merger, NoiseModel, Response, SensorNoise};
 use rig::frame_path;
+use serde::Serialize;
+use std::fmt;
 
 /// What `calibrate noise SESSION` writes.
 pub(crate) const NOISE: &str = "calibration/noise.json";
@@ -40,27 +42,46 @@ impl Sensor {
         Ok(Self { noise, measured, darks: darks(session)? })
     }
 
-    /// Where noise and black come from, in words.
-    pub fn source(&self) -> String {
-        let noise = if self.measured { "measured in this session" } else { "as session.toml says" };
-        match self.darks.len() {
-            0 => format!("{noise}; no dark frames"),
-            n => format!("{noise}; dark frames of {n} exposure times"),
-        }
+    /// Where noise and black of a merge of exposures of these times come from.
+    pub fn source(&self, times: &[f64]) -> Source {
+        let used = self.fitting_darks(times).iter().map(|d| d.exposure_s).collect();
+        Source { noise_measured: self.measured, dark_frames_s: used }
     }
 
-    /// A merge of exposures of these times; dark frames are used where they reach over all.
-    pub fn merger<'a>(&self, response: &'a Response, times: &[f64]) -> Result<Merger<'a>, Failure> {
-        let merger = Merger::new(response, &self.noise)?;
+    /// The dark frames, if they reach over all of these times.
+    fn fitting_darks(&self, times: &[f64]) -> &[MasterDark] {
         let same = |t: f64| self.darks.iter().any(|d| (d.exposure_s / t - 1.0).abs() < SAME_TIME);
         let between = |t: f64| {
             self.darks.iter().any(|d| d.exposure_s < t)
                 && self.darks.iter().any(|d| d.exposure_s > t)
         };
-        if self.darks.is_empty() || !times.iter().all(|&t| same(t) || between(t)) {
-            return Ok(merger);
+        if times.iter().all(|&t| same(t) || between(t)) { &self.darks } else { &[] }
+    }
+
+    /// A merge of exposures of these times; dark frames are used where they reach over all.
+    pub fn merger<'a>(&self, response: &'a Response, times: &[f64]) -> Result<Merger<'a>, Failure> {
+        let merger = Merger::new(response, &self.noise)?;
+        Ok(merger.with_darks(self.fitting_darks(times).to_vec())?)
+    }
+}
+
+/// What a merge took for the camera's noise and black.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Source {
+    /// The noise was measured in the session; else it is what `session.toml` says.
+    pub noise_measured: bool,
+    /// Exposure times of the dark frames that were subtracted, seconds; empty if none were.
+    pub dark_frames_s: Vec<f64>,
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let measured = self.noise_measured;
+        f.write_str(if measured { "measured in this session" } else { "as session.toml says" })?;
+        match self.dark_frames_s.len() {
+            0 => f.write_str("; no dark frames"),
+            n => write!(f, "; dark frames of {n} exposure times"),
         }
-        Ok(merger.with_darks(self.darks.clone())?)
     }
 }
 

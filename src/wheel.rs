@@ -86,3 +86,56 @@ pub(crate) fn of_session(folder: &Path) -> Result<KnownWheel, Failure> {
             ))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wheel of so long a turn; its fields besides are calibration's own.
+    fn wheel(turn_s: f64) -> ColourWheel {
+        let json = serde_json::json!({
+            "turn_s": turn_s, "turn_sigma_s": 1e-6, "depth": [1.0], "floor": [0.0],
+        });
+        serde_json::from_value(json).unwrap()
+    }
+
+    fn close(found: &[f64], expected: &[f64]) {
+        let same = found.iter().zip(expected).all(|(f, e)| (f / e - 1.0).abs() < 1e-12);
+        assert!(same && found.len() == expected.len(), "{found:?}, not {expected:?}");
+    }
+
+    #[test]
+    fn exposures_are_whole_turns_of_at_least_a_thirtieth_of_a_second() {
+        let known = KnownWheel::new(wheel(0.01), &[0.001, 0.0349, 0.052, 0.0549, 0.1], None);
+        // Four turns are the fewest of 1/30 s; three exposures that become one are taken once.
+        let asked = [0.001, 0.0349, 0.052, 0.0549, 0.1];
+        close(&known.bracket_s(&asked), &[0.04, 0.05, 0.1]);
+        close(&known.bracket_s(&[0.0751]), &[0.08]);
+        let mut plan = PlanConfig::default();
+        plan.board_exposure_s = 0.0333334;
+        plan.response_bracket_s = vec![0.0333334, 0.052];
+        known.set(&mut plan);
+        close(&[plan.board_exposure_s], &[0.04]);
+        close(&plan.response_bracket_s, &[0.04, 0.05]);
+    }
+
+    /// A wheel that is measured again to another digit must not ask for other pictures.
+    #[test]
+    fn exposures_of_pictures_that_are_there_stay() {
+        let asked = [0.05, 0.4];
+        let first = KnownWheel::new(wheel(0.0111), &asked, None).bracket_s(&asked);
+        let again = KnownWheel::new(wheel(0.011_100_1), &asked, Some(first.clone()));
+        assert_eq!(again.bracket_s(&asked), first);
+        // The plan was changed since: whole turns of the wheel as it is known now.
+        close(&again.bracket_s(&[0.05, 0.8]), &[5.0 * 0.011_100_1, 72.0 * 0.011_100_1]);
+
+        let folder = tempfile::tempdir().unwrap();
+        assert!(KnownWheel::read(folder.path()).is_none());
+        let file = folder.path().join(LIGHT);
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        let text = serde_json::json!({ "known_wheel": again, "more": 1 }).to_string();
+        std::fs::write(&file, text).unwrap();
+        // To the last digit, through the file.
+        assert_eq!(KnownWheel::read(folder.path()).unwrap().bracket_s(&asked), first);
+    }
+}

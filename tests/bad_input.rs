@@ -236,6 +236,16 @@ fn what_is_given_is_judged_before_the_work_and_told_as_it_is() {
     // A result that could not be written.
     let response = ["calibrate", "response", "--images", &at("none"), "--output", &at("no/r.json")];
     refused_with_hint(&diaphane(response), &["r.json", "folder"], "mkdir");
+    // Files that are there, and folders, are told before pictures that are not.
+    let onto = |file: &str| {
+        let images = at("none");
+        diaphane(["calibrate", "response", "--images", &images, "--output", file])
+    };
+    refused_with_hint(&onto(&chart), &["chart.png"], "--force");
+    refused_with_hint(&onto(text(folder.path())), &[text(folder.path())], "--force");
+    let forced = ["calibrate", "response", "--images", &at("none"), "--force", "--output"];
+    let run = diaphane(forced.into_iter().chain([text(folder.path())]));
+    refused_with_hint(&run, &["expected a file", "folder"], "name a file");
     // One exposure time under several names.
     let bracket = folder.path().join("bracket");
     std::fs::create_dir(&bracket).unwrap();

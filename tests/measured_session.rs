@@ -96,7 +96,8 @@ fn a_session_uses_the_wheel_the_noise_and_the_dark_frames_that_it_measured() {
     assert!(empty.code == 2 && empty.stderr.contains("light.json"), "{}", empty.stderr);
 
     step(&["capture", session]);
-    let (_, said) = step(&["merge", session]);
+    let (merged, said) = step(&["merge", session]);
+    assert!(merged["noise_measured"] == false && merged["dark_frames_s"] == serde_json::json!([]));
     assert!(said.contains("as session.toml says; no dark frames"), "{said}");
     // A frame that was exposed for another time than the plan's is not merged in silence.
     let light = Path::new(session).join("calibration/light.json");
@@ -110,6 +111,17 @@ fn a_session_uses_the_wheel_the_noise_and_the_dark_frames_that_it_measured() {
     let (noise, _) = step(&["calibrate", "noise", session]);
     // A linear camera's points lie on a line: 1, with the scatter of some ten of them.
     assert!(noise["reduced_chi2"].as_f64().unwrap() < 3.0, "{noise}");
-    let (_, said) = step(&["merge", session, "--force"]);
+    let (merged, said) = step(&["merge", session, "--force"]);
     assert!(said.contains("measured in this session; dark frames of 3"), "{said}");
+    assert_eq!(merged["noise_measured"], true);
+    assert_eq!(merged["dark_frames_s"].as_array().unwrap().len(), 3, "{merged}");
+    // They make a difference: the same merge without them is another.
+    let arrays = || std::fs::read(Path::new(session).join("measurement/measurement.npz")).unwrap();
+    let with_darks = arrays();
+    let frames = Path::new(session).join("frames");
+    std::fs::rename(frames.join("noise-dark"), folder.path().join("away")).unwrap();
+    let (merged, said) = step(&["merge", session, "--force"]);
+    assert!(said.contains("measured in this session; no dark frames"), "{said}");
+    assert_eq!(merged["dark_frames_s"], serde_json::json!([]));
+    assert!(arrays() != with_darks, "dark frames changed nothing");
 }

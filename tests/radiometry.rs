@@ -189,6 +189,11 @@ fn exposure_times_that_contradict_are_told() {
     let told =
         if run.json["warnings"].is_array() { run.json["warnings"].to_string() } else { run.stderr };
     assert!(told.contains("IMG_26") && told.contains("EXIF"), "{told}");
+    // Times of two pictures exchanged: the one that was exposed longer would be the darker one.
+    std::fs::write(&table, "IMG_2600.jpg 1\nIMG_2601.jpg 1/8\nIMG_2602.jpg 8\n").unwrap();
+    let run = diaphane(command.into_iter().chain(["--output", text(&exr), "--force", "--linear"]));
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    assert!(run.stderr.contains("IMG_2600.jpg") && run.stderr.contains("darker"), "{}", run.stderr);
 }
 
 /// Red, green and blue in codes a second above black.

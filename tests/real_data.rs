@@ -56,6 +56,19 @@ fn a_miscounted_board_is_told_by_its_size() {
     }
 }
 
+/// Likewise of coded light, after two poses; the pose is named, since pictures of all have one name.
+#[test]
+fn a_miscounted_board_under_coded_light_is_told_by_its_size() {
+    let Some(images) = data("procam/kamino410") else { return };
+    let images = images.to_str().unwrap();
+    let command = ["calibrate", "projector", "--images", images, "--board", "8x7"];
+    let rest = ["--square", "75", "--projector", "1024x768"];
+    let run = diaphane(command.into_iter().chain(rest));
+    assert_eq!(run.code, 2, "{}", run.stderr);
+    assert!(run.json["hint"].as_str().unwrap().contains("--board 9x7"), "{}", run.json);
+    assert!(run.json["error"].as_str().unwrap().contains("capture_1/"), "{}", run.json);
+}
+
 /// Zhang's five views from lists of points: his published digits, and the way to other programs.
 #[test]
 fn a_camera_from_zhangs_points_and_on_to_opencv_and_mrcal() {

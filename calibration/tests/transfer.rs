@@ -135,7 +135,7 @@ fn a_full_top_code_that_is_noise_is_no_saturation() {
     };
     // About 4 % at 42, some 35 % at 41; in 8 bits nine in ten at 40, the rest below.
     let wide = ["one", "other"].map(|name| dim(name, 65535, 40.3, 0.7));
-    let narrow = ["one", "other"].map(|name| dim(name, 255, 39.75, 0.2));
+    let narrow = ["one", "other"].map(|name| dim(name, 255, 39.7, 0.15));
     for (pair, saturation) in [(wide, 16383.0), (narrow, 255.0)] {
         let brightest = pair[0].data.iter().max().unwrap();
         let there = pair[0].data.iter().filter(|v| *v == brightest).count();

@@ -5,7 +5,7 @@ use crate::cli::STOP;
 use crate::commands::calibrate::{self, merge_shot, subtract};
 use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
 use crate::output::{Done, Progress};
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, Source};
 use crate::session::{RigConfig, Session};
 use calibration::{rectify, write_exr};
 use material::Overwrite;
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     match (&args.session, &args.images) {
         (Some(session), _) => {
             let session = Session::open(session)?;
-            let measured = measure(&session, overwrite)?;
+            let (measured, source) = measure(&session, overwrite)?;
             let text = format!(
                 "{} patterns on {} × {} cells: {}\nnext: diaphane solve {}",
                 measured.patterns.len(),
@@ -72,8 +72,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
                 session.path(ARRAYS).display(),
                 session.folder().display()
             );
-            let json =
-                json!({ "output": session.path(ARRAYS), "patterns": measured.patterns.len() });
+            let json = json!({
+                "output": session.path(ARRAYS),
+                "patterns": measured.patterns.len(),
+                "noise_measured": source.noise_measured,
+                "dark_frames_s": source.dark_frames_s,
+            });
             Ok(Done::new(json, text))
         }
         (None, Some(images)) => super::merge_images::run(images, args, overwrite),
@@ -81,8 +85,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
 }
 
-/// Merges every shot of the sample and lays it onto the grid.
-pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measured, Failure> {
+/// Merges every shot of the sample and lays it onto the grid; and says what was taken for the
+/// camera's noise.
+pub(crate) fn measure(
+    session: &Session,
+    overwrite: Overwrite,
+) -> Result<(Measured, Source), Failure> {
     session.refuse_existing(ARRAYS, overwrite)?;
     if let RigConfig::Imported = session.config.rig {
         return Err(Failure::input(
@@ -106,7 +114,8 @@ pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measure
     }
     let times = session.sample_bracket_s();
     let sensor = Sensor::of(session)?;
-    eprintln!("noise: {}", sensor.source());
+    let source = sensor.source(&times);
+    eprintln!("noise: {source}");
     let merged = |shot: &str| merge_shot(session, shot, &times, &found.response, &sensor);
     let black = merged("black")?;
     let shots: Vec<_> = plan
@@ -151,5 +160,5 @@ pub(crate) fn measure(session: &Session, overwrite: Overwrite) -> Result<Measure
     let measured = Measured { patterns, cells: [nx, ny], channels };
     measured.save(session, overwrite)?;
     progress.finish(&format!("{} patterns", measured.patterns.len()));
-    Ok(measured)
+    Ok((measured, source))
 }

@@ -1,6 +1,8 @@
 //! `diaphane calibrate all`: camera, projector, face, response, white, from a session's pictures.
 
 use super::boards::session_geometry;
+use super::face::{face_pose, thickness};
+use super::frames::{merge_shot, response_bracket, subtract};
 use super::guide;
 use super::options::verdict_text;
 use crate::Failure;
@@ -10,12 +12,11 @@ use crate::report::calibration_page;
 use crate::sensor::Sensor;
 use crate::session::{RigConfig, Session};
 use calibration::{
-    Assessment, Board, CameraModel, FacePlane, Geometry, HdrImage, NoiseModel, Photo, Pose,
-    ProjectorGeometry, Response, Verdict, WhiteBalance, find_chart, pose_from_points,
-    recover_response_above, rectify, reprojection_rms, white_balance, write_geometry,
+    Assessment, Board, CameraModel, FacePlane, Geometry, HdrImage, NoiseModel, ProjectorGeometry,
+    Response, Verdict, WhiteBalance, find_chart, recover_response_above, rectify, white_balance,
+    write_geometry,
 };
 use material::{Face, Overwrite, atomic_write};
-use rig::{frame_path, read_frame};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::io::Write;
@@ -25,8 +26,6 @@ use std::sync::atomic::Ordering;
 pub(crate) const RESULT: &str = "calibration/calibration.json";
 /// The geometry alone, with its observations, in the form that `calibrate convert` reads.
 const GEOMETRY: &str = "calibration/geometry.toml";
-/// Relative difference of exposure times that are one.
-const SAME_TIME: f64 = 1e-6;
 /// The page about it.
 const PAGE: &str = "calibration/calibration.html";
 const COMMAND: &str = "diaphane calibrate all SESSION";
@@ -275,137 +274,4 @@ fn write_evidence(
     write_geometry(&session.result(GEOMETRY)?, geometry, overwrite)?;
     atomic_write(&session.result(PAGE)?, overwrite, |file| file.write_all(page.as_bytes()))?;
     Ok(assessment.verdict)
-}
-
-/// The frame of a shot at one exposure, as a photo that carries the shot's name.
-pub(crate) fn frame_photo(
-    session: &Session,
-    shot: &str,
-    exposure: usize,
-) -> Result<Photo, Failure> {
-    frame_photo_repeat(session, shot, exposure, 0)
-}
-
-/// As [`frame_photo`], of several frames at one exposure.
-pub(crate) fn frame_photo_repeat(
-    session: &Session,
-    shot: &str,
-    exposure: usize,
-    repeat: u32,
-) -> Result<Photo, Failure> {
-    Ok(frame_and_time(session, shot, exposure, repeat)?.0)
-}
-
-/// A frame, and the exposure time that was asked for, seconds.
-pub(crate) fn frame_and_time(
-    session: &Session,
-    shot: &str,
-    exposure: usize,
-    repeat: u32,
-) -> Result<(Photo, f64), Failure> {
-    let command = "diaphane capture SESSION";
-    let path = session.required(&frame_path(shot, exposure, repeat), command)?;
-    let (frame, taken) = read_frame(&path)?;
-    let photo = Photo {
-        width: frame.width as usize,
-        height: frame.height as usize,
-        channels: usize::from(frame.channels),
-        max_value: frame.max_value(),
-        data: frame.data,
-        name: shot.to_owned(),
-    };
-    Ok((photo, taken.requested_s))
-}
-
-/// As [`frame_photo`], if it was exposed for the time that the plan has now.
-fn timed_frame(
-    session: &Session,
-    shot: &str,
-    exposure: usize,
-    planned_s: f64,
-) -> Result<Photo, Failure> {
-    let (photo, taken_s) = frame_and_time(session, shot, exposure, 0)?;
-    if (taken_s / planned_s - 1.0).abs() > SAME_TIME {
-        let file = frame_path(shot, exposure, 0);
-        let error = format!("{file}: expected {planned_s:.5} s as planned, found {taken_s:.5} s");
-        return Err(Failure::input(error).hint(format!(
-            "the exposures in session.toml were changed after it was taken: change them back, or move {} aside and capture again",
-            session.path("frames").join(shot).display()
-        )));
-    }
-    Ok(photo)
-}
-
-/// The pictures that the camera's response is recovered from.
-fn response_bracket(session: &Session) -> Result<Vec<(Photo, f64)>, Failure> {
-    let times = &session.config.plan.response_bracket_s;
-    let frame = |(e, t): (usize, &f64)| Ok((frame_photo(session, "response", e)?, *t));
-    times.iter().enumerate().map(frame).collect()
-}
-
-/// Merges the bracket of a shot, one frame at a time.
-pub(crate) fn merge_shot(
-    session: &Session,
-    shot: &str,
-    times: &[f64],
-    response: &Response,
-    sensor: &Sensor,
-) -> Result<HdrImage, Failure> {
-    let mut merger = sensor.merger(response, times)?;
-    for (e, &t) in times.iter().enumerate() {
-        merger.add(timed_frame(session, shot, e, t)?, t)?;
-    }
-    Ok(merger.finish()?.0)
-}
-
-/// light − dark, variances added.
-pub(crate) fn subtract(mut light: HdrImage, dark: &HdrImage) -> HdrImage {
-    for (l, d) in light.radiance.iter_mut().zip(&dark.radiance) {
-        *l -= d;
-    }
-    for (l, d) in light.variance.iter_mut().zip(&dark.variance) {
-        *l += d;
-    }
-    light
-}
-
-/// Depth of the board that lay in the back face's plane, in the frame of the front face; a warning
-/// where the session says otherwise.
-fn thickness(
-    session: &Session,
-    camera: &CameraModel,
-    board: &Board,
-    front: &Pose,
-) -> Result<f64, Failure> {
-    let (back, _) = face_pose(session, camera, board, "face-board-back")?;
-    let [width, height, said] = session.config.sample.grid.size_mm();
-    let middle = back.apply([width / 2.0, height / 2.0, 0.0]);
-    let found = front.inverse().apply(middle)[2];
-    // A pose from one board is good to about a thousandth of its distance, seven blocks away.
-    if (found - said).abs() > 0.02 * width.max(height) {
-        eprintln!(
-            "warning: the board lay {found:.2} mm behind the front face, session.toml says that \
-             the block is {said:.2} mm thick"
-        );
-    }
-    Ok(found)
-}
-
-/// Sample frame to camera frame, from a board that lay in the plane of a face, centred.
-fn face_pose(
-    session: &Session,
-    camera: &CameraModel,
-    board: &Board,
-    shot: &str,
-) -> Result<(Pose, f64), Failure> {
-    let photo = frame_photo(session, shot, 0)?;
-    let [width, height, _] = session.config.sample.grid.size_mm();
-    let half = |n: usize| (n as f64 - 1.0) * board.square_mm / 2.0;
-    let (x0, y0) = (width / 2.0 - half(board.columns), height / 2.0 - half(board.rows));
-    let mut view = board.view(&photo)?;
-    for point in &mut view.object_points {
-        *point = [point[0] + x0, point[1] + y0, point[2]];
-    }
-    let pose = pose_from_points(camera, &view)?;
-    Ok((pose, reprojection_rms(camera, &pose, &view)))
 }

@@ -1,7 +1,8 @@
 //! Camera and projector from a session's pictures of boards, printed and projected.
 
-use super::all::{frame_photo, go_on};
+use super::all::go_on;
 use super::coded::coded_corners;
+use super::frames::frame_photo;
 use crate::Failure;
 use crate::session::Session;
 use calibration::{

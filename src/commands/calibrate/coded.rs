@@ -1,6 +1,6 @@
 //! Projector pixels of the printed board's corners, from the code shown on a sheet over it.
 
-use super::all::frame_photo;
+use super::frames::frame_photo;
 use crate::Failure;
 use crate::session::Session;
 use calibration::{CodeLayout, CodedCorner, Photo, View, decode};

@@ -1,8 +1,9 @@
 //! Takes the calibration pictures in the right order, says what goes where, and looks at each
 //! picture at once.
 
-use super::all::{described, frame_photo};
+use super::all::described;
 use super::boards::projected_points;
+use super::frames::frame_photo;
 use crate::Failure;
 use crate::cli::STOP;
 use crate::session::Session;

@@ -1,6 +1,7 @@
 //! `diaphane calibrate light`: what the projector's light is, from a session's own pictures.
 
-use super::all::{described, frame_photo_repeat, lit_z, load, merge_shot, subtract};
+use super::all::{described, lit_z, load};
+use super::frames::{frame_photo_repeat, merge_shot, subtract};
 use crate::Failure;
 use crate::output::{Done, Progress};
 use crate::sensor::Sensor;

@@ -7,6 +7,8 @@ mod coded;
 mod colour;
 mod colour_input;
 mod convert;
+mod face;
+mod frames;
 mod guide;
 mod light;
 mod noise;
@@ -16,10 +18,8 @@ mod projector;
 mod response;
 mod swatches;
 
-pub(crate) use all::{
-    Calibrated, RESULT, described, frame_and_time, is_done, lit_plane, load, merge_shot, solve,
-    subtract,
-};
+pub(crate) use all::{Calibrated, RESULT, described, is_done, lit_plane, load, solve};
+pub(crate) use frames::{frame_and_time, merge_shot, subtract};
 
 use crate::Failure;
 use crate::output::Done;

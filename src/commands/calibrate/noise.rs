@@ -1,6 +1,7 @@
 //! `diaphane calibrate noise`: what the sensor adds to the light, from flat and dark frames.
 
-use super::all::{described, frame_and_time};
+use super::all::described;
+use super::frames::frame_and_time;
 use crate::Failure;
 use crate::exposures::{by_time, exposures};
 use crate::output::{Done, check_output};

@@ -7,7 +7,7 @@ use super::options::{
 use crate::Failure;
 use crate::output::{Done, Progress};
 use calibration::{
-    Board, CalibrationError, Choice, CodeLayout, CodePicture, RigView, calibrate_geometry,
+    Board, CalibrationError, Choice, CodeLayout, CodePicture, NoBoard, RigView, calibrate_geometry,
     coded_corners, decode,
 };
 use serde_json::json;
@@ -67,11 +67,18 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let mut progress = Progress::new("decode", folders.len());
     let (mut views, mut missed) = (Vec::new(), Vec::new());
     let mut size: Option<([usize; 2], String)> = None;
+    let mut other_board = None;
     for (done, folder) in folders.iter().enumerate() {
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         progress.set(done, &name);
         let (view, found) = match look(folder, &name, &layout, &board) {
             Err(error @ CalibrationError::BoardNotFound { .. }) => {
+                // Two poses that show one other board, and none this one: it was miscounted.
+                let other = shown_instead(&error);
+                if views.is_empty() && other.is_some() && other == other_board {
+                    return Err(error.into());
+                }
+                other_board = other_board.or(other);
                 eprintln!("warning: {error}");
                 missed.push(error.to_string());
                 continue;
@@ -142,6 +149,14 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "seconds": started.elapsed().as_secs_f64(),
     });
     Ok(Done::new(json, text))
+}
+
+/// The size of the board that a picture shows instead of the one that was asked for.
+fn shown_instead(error: &CalibrationError) -> Option<[usize; 2]> {
+    match error {
+        CalibrationError::BoardNotFound { reason: NoBoard::OtherBoard { seen, .. }, .. } => *seen,
+        _ => None,
+    }
 }
 
 /// The subfolders, by name.
