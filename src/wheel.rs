@@ -111,9 +111,11 @@ mod tests {
         let asked = [0.001, 0.0349, 0.052, 0.0549, 0.1];
         close(&known.bracket_s(&asked), &[0.04, 0.05, 0.1]);
         close(&known.bracket_s(&[0.0751]), &[0.08]);
-        let mut plan = PlanConfig::default();
-        plan.board_exposure_s = 0.0333334;
-        plan.response_bracket_s = vec![0.0333334, 0.052];
+        let mut plan = PlanConfig {
+            board_exposure_s: 0.0333334,
+            response_bracket_s: vec![0.0333334, 0.052],
+            ..PlanConfig::default()
+        };
         known.set(&mut plan);
         close(&[plan.board_exposure_s], &[0.04]);
         close(&plan.response_bracket_s, &[0.04, 0.05]);
