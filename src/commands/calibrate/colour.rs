@@ -78,7 +78,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         None => ChartReference::published(),
     };
     let first = args.input.first()?;
-    let base = args.output.clone().unwrap_or_else(|| first.with_extension("colour"));
+    let base = match &args.output {
+        // Who writes the whole name means the same.
+        Some(name) if name.extension().is_some_and(|e| e == "json") => name.with_extension(""),
+        Some(name) => name.clone(),
+        None => first.with_extension("colour"),
+    };
     let [file, swatch] = ["json", "png"].map(|extension| {
         let mut name = base.clone().into_os_string();
         name.push(format!(".{extension}"));

@@ -43,7 +43,6 @@ pub struct Merger<'a> {
     shape: Option<Photo>,
     frames: Vec<Frame>,
     darks: Vec<(MasterDarkShape, Plane<f32>)>,
-    dark_current: f64,
     flat: Option<FlatField>,
     few: Vec<usize>,
 }
@@ -68,8 +67,8 @@ struct Frame {
 /// What a frame has without light.
 #[derive(Clone, Copy)]
 enum Dark {
-    /// The same exposure everywhere, in linearised full scales.
-    Even(f32),
+    /// Its black level, as far as anybody knows.
+    Unmeasured,
     /// Between two master darks, by their numbers: the second one's share, and the variance.
     Measured { masters: [usize; 2], share: f32, variance: f32 },
 }
@@ -105,7 +104,6 @@ impl<'a> Merger<'a> {
             shape: None,
             frames: Vec::new(),
             darks: Vec::new(),
-            dark_current: 0.0,
             flat: None,
             few: Vec::new(),
         })
@@ -114,12 +112,6 @@ impl<'a> Merger<'a> {
     /// Puts the temporary file, if one is needed, into `folder`.
     pub fn spool_in(mut self, folder: &Path) -> Self {
         self.spool = Spool::new(folder);
-        self
-    }
-
-    /// Subtracts a dark level that grows with time everywhere alike, DN a second.
-    pub fn with_dark_current(mut self, dn_per_s: f64) -> Self {
-        self.dark_current = dn_per_s;
         self
     }
 
@@ -171,7 +163,7 @@ impl<'a> Merger<'a> {
         let codes = self.few_of(&photo.data, photo.channels);
         let each = self.few.len();
         let few_dark = |channel: &Channel, i: usize| match dark {
-            Dark::Even(exposure) => exposure,
+            Dark::Unmeasured => 0.0,
             Dark::Measured { masters: [a, b], share, .. } => {
                 let (a, b) = (self.darks[a].0.few[i], self.darks[b].0.few[i]);
                 channel.exposure_of(a + share * (b - a))
@@ -260,8 +252,7 @@ impl<'a> Merger<'a> {
     }
 
     fn dark_for(&self, photo: &Photo, exposure_s: f64) -> Result<Dark> {
-        let even = self.dark_current * exposure_s / self.noise.full_scale;
-        let Some((shortest, _)) = self.darks.first() else { return Ok(Dark::Even(even as f32)) };
+        let Some((shortest, _)) = self.darks.first() else { return Ok(Dark::Unmeasured) };
         let times = || self.darks.iter().map(|(d, _)| d.exposure_s);
         let same = times().position(|t| (t / exposure_s - 1.0).abs() < SAME_TIME);
         let (masters, share) = match same {

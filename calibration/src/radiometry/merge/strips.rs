@@ -71,7 +71,7 @@ impl Bench {
         self.used += 1;
         exposure.time = frame.few.time;
         exposure.dark_variance = match frame.dark {
-            Dark::Even(_) => 0.0,
+            Dark::Unmeasured => 0.0,
             Dark::Measured { variance, .. } => variance,
         };
         exposure
@@ -278,7 +278,7 @@ fn work<F: MultiplyAdd>(piece: Piece) {
                 let exposure = bench.next(frame);
                 load(codes, stride, count, channel, &mut exposure.x);
                 match frame.dark {
-                    Dark::Even(level) => exposure.dark = [level; LANES],
+                    Dark::Unmeasured => exposure.dark = [0.0; LANES],
                     Dark::Measured { masters: [a, b], share, .. } => {
                         let (a, b) = (&strip.darks[a], &strip.darks[b]);
                         for l in 0..count {

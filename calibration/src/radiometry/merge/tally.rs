@@ -58,7 +58,7 @@ pub(super) fn finish(
         let off = |k: usize| {
             let frame = &job.frames[k];
             let dark = match frame.dark {
-                Dark::Even(level) => level,
+                Dark::Unmeasured => 0.0,
                 Dark::Measured { masters: [a, b], share, .. } => {
                     let (a, b) = (strip.darks[a][at + i], strip.darks[b][at + i]);
                     channel.exposure_of(a + share * (b - a))
