@@ -1,15 +1,14 @@
 //! Carries a plan out so that it can stop at any moment and go on later.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::SyncSender;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use material::{FileError, hash_file};
 
-use crate::writer::{Taken, with_writer};
+use crate::writer::{Taken, ToDisk, with_writer};
 use crate::{
     DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal, JournalError, Plan,
     PlanError, ProjectorImage, Rig, Shot, StopStatus, Target,
@@ -17,6 +16,9 @@ use crate::{
 
 /// Attempts at one request before a transient failure counts as a lasting one.
 const ATTEMPTS: u32 = 4;
+
+/// Frames between camera and journal: one in the hands of each thread, one waiting for each.
+const MOST_ON_THE_WAY: usize = 4;
 
 /// What a run needs beside the plan and the rig.
 #[derive(Clone, Copy)]
@@ -52,7 +54,7 @@ pub enum Step {
     Placing(Target),
     /// It was there already, unchanged.
     Kept,
-    /// It was taken, and is on its way to the disk.
+    /// It was taken, and is on disk.
     Taken,
     /// Not yet: what was wrong, in words; it is tried again.
     Retried(String),
@@ -156,7 +158,10 @@ pub fn run(
     let journal = Mutex::new(journal);
     let result = with_writer(session, &journal, |to_disk| {
         let journal = &journal;
-        Run { rig, session, options, journal, to_disk, progress, total, known: &known }.all(plan)
+        let on_the_way = VecDeque::new();
+        let known = &known;
+        Run { rig, session, options, journal, to_disk, on_the_way, progress, total, known }
+            .all(plan)
     });
     let (status, reason) = match &result {
         Ok(outcome) if outcome.missing == 0 => (StopStatus::Done, "every frame is there".into()),
@@ -200,7 +205,9 @@ struct Run<'a, 'p> {
     session: &'a Path,
     options: RunOptions<'a>,
     journal: &'a Mutex<Journal>,
-    to_disk: SyncSender<Taken>,
+    to_disk: ToDisk,
+    /// Frames that are on their way to the disk: their shots, and the time left after each.
+    on_the_way: VecDeque<(String, f64)>,
     progress: &'a mut (dyn FnMut(Progress<'_>) + 'p),
     total: usize,
     known: &'a HashMap<String, (String, String)>,
@@ -232,6 +239,12 @@ impl Run<'_, '_> {
                             continue;
                         }
                         if placed != Some(shot.target) {
+                            // Whoever looks at the pictures may want the bench as it is.
+                            self.settle(&mut outcome, 0);
+                            if self.options.stop.load(Ordering::Relaxed) {
+                                outcome.missing += 1;
+                                continue;
+                            }
                             (self.progress)(Progress {
                                 done: outcome.kept + outcome.taken,
                                 total: self.total,
@@ -252,23 +265,55 @@ impl Run<'_, '_> {
                         }
                         exposed_s += requested_s;
                     }
-                    let step = if kept { Step::Kept } else { Step::Taken };
-                    *(if kept { &mut outcome.kept } else { &mut outcome.taken }) += 1;
-                    let done = outcome.kept + outcome.taken;
-                    let overhead_s = (began.elapsed().as_secs_f64() - exposed_s).max(0.0)
-                        / outcome.taken.max(1) as f64;
-                    let left_s = to_expose_s + overhead_s * (self.total - done) as f64;
-                    (self.progress)(Progress {
-                        done,
-                        total: self.total,
-                        shot: &shot.name,
-                        step,
-                        left_s: Some(left_s),
-                    });
+                    let taken = outcome.taken + self.on_the_way.len() + usize::from(!kept);
+                    let done = outcome.kept + usize::from(kept) + taken;
+                    let overhead_s =
+                        (began.elapsed().as_secs_f64() - exposed_s).max(0.0) / taken.max(1) as f64;
+                    let left_s = to_expose_s + overhead_s * self.total.saturating_sub(done) as f64;
+                    if kept {
+                        self.settle(&mut outcome, 0);
+                        outcome.kept += 1;
+                        let done = outcome.kept + outcome.taken;
+                        (self.progress)(Progress {
+                            done,
+                            total: self.total,
+                            shot: &shot.name,
+                            step: Step::Kept,
+                            left_s: Some(left_s),
+                        });
+                    } else {
+                        self.on_the_way.push_back((shot.name.clone(), left_s));
+                        self.settle(&mut outcome, MOST_ON_THE_WAY);
+                    }
                 }
             }
         }
+        self.settle(&mut outcome, 0);
         Ok(outcome)
+    }
+
+    /// Tells of the frames that have reached the disk, and waits until at most `most` have not.
+    fn settle(&mut self, outcome: &mut Outcome, most: usize) {
+        while let Some((shot, left_s)) = self.on_the_way.front() {
+            let arrived = if self.on_the_way.len() > most {
+                self.to_disk.written.recv().is_ok()
+            } else {
+                self.to_disk.written.try_recv().is_ok()
+            };
+            // Nothing yet; or nothing ever again, which has an error of its own.
+            if !arrived {
+                return;
+            }
+            outcome.taken += 1;
+            (self.progress)(Progress {
+                done: outcome.kept + outcome.taken,
+                total: self.total,
+                shot,
+                step: Step::Taken,
+                left_s: Some(*left_s),
+            });
+            self.on_the_way.pop_front();
+        }
     }
 
     /// Whether the frame is on disk as the journal says. One that is not is moved aside.
@@ -335,7 +380,7 @@ impl Run<'_, '_> {
         };
         let settings = settings(shot, exposure_index);
         let taken = Taken { frame, metadata, settings };
-        Ok(self.to_disk.send(taken).is_ok())
+        Ok(self.to_disk.frames.send(taken).is_ok())
     }
 
     /// Asks a device, and asks again where the failure may pass.

@@ -7,7 +7,7 @@
 
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 
 use material::{FileError, Overwrite, atomic_write};
 
@@ -33,6 +33,13 @@ struct Encoded {
     event: Event,
 }
 
+/// The other end of a [`with_writer`]: takes frames, and tells of each when it is on disk, in the
+/// order in which they were sent. Either end is closed once writing has failed.
+pub(crate) struct ToDisk {
+    pub frames: SyncSender<Taken>,
+    pub written: Receiver<()>,
+}
+
 /// Runs `take`, and writes what it sends; returns when all of it is on disk.
 ///
 /// # Errors
@@ -40,14 +47,15 @@ struct Encoded {
 pub(crate) fn with_writer(
     session: &Path,
     journal: &Mutex<Journal>,
-    take: impl FnOnce(SyncSender<Taken>) -> Result<Outcome, RunError>,
+    take: impl FnOnce(ToDisk) -> Result<Outcome, RunError>,
 ) -> Result<Outcome, RunError> {
     std::thread::scope(|scope| {
-        let (to_encoder, taken) = sync_channel(WAITING);
+        let (frames, taken) = sync_channel(WAITING);
         let (to_writer, encoded) = sync_channel(WAITING);
+        let (done, written) = channel();
         let encoder = scope.spawn(move || encode_all(&taken, &to_writer));
-        let writer = scope.spawn(move || write_all(session, journal, &encoded));
-        let outcome = take(to_encoder);
+        let writer = scope.spawn(move || write_all(session, journal, &encoded, &done));
+        let outcome = take(ToDisk { frames, written });
         let ended = |thread: std::thread::ScopedJoinHandle<'_, Result<(), RunError>>| {
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
@@ -84,6 +92,7 @@ fn write_all(
     session: &Path,
     journal: &Mutex<Journal>,
     encoded: &Receiver<Encoded>,
+    done: &Sender<()>,
 ) -> Result<(), RunError> {
     for Encoded { bytes, file, event } in encoded {
         let path = session.join(&file);
@@ -93,6 +102,8 @@ fn write_all(
         }
         atomic_write(&path, Overwrite::Refuse, |out| std::io::Write::write_all(out, &bytes))?;
         append(journal, event)?;
+        // Nobody listens any more where the run itself has failed; the frame is there all the same.
+        let _ = done.send(());
     }
     Ok(())
 }

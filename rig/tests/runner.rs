@@ -108,22 +108,53 @@ fn plan() -> Plan {
 
 const FRAMES: usize = 9;
 
-/// Runs the plan; stops once `stop_after` frames are there.
+/// A camera that asks the run to stop while it takes its last frame but so many.
+struct Stopping {
+    camera: Box<dyn Camera>,
+    left: usize,
+    stop: Arc<AtomicBool>,
+}
+
+impl Camera for Stopping {
+    fn info(&self) -> CameraInfo {
+        self.camera.info()
+    }
+
+    fn expose(&mut self, exposure_s: f64) -> Result<Frame, DeviceError> {
+        let frame = self.camera.expose(exposure_s)?;
+        self.left = self.left.saturating_sub(1);
+        self.stop.store(self.left == 0, Ordering::Relaxed);
+        Ok(frame)
+    }
+}
+
+/// Runs the plan; it is asked to stop during the frame of the number `stop_after`.
 fn go(
     rig: &mut Rig,
     plan: &Plan,
     session: &Path,
     stop_after: Option<usize>,
 ) -> Result<Outcome, RunError> {
-    let stop = AtomicBool::new(stop_after == Some(0));
+    let stop = Arc::new(AtomicBool::new(stop_after == Some(0)));
+    if let Some(left) = stop_after {
+        let camera = std::mem::replace(&mut rig.camera, Box::new(FakeCamera(Arc::default())));
+        rig.camera = Box::new(Stopping { camera, left, stop: stop.clone() });
+    }
     let map = |[x, y]: [f64; 2]| Some([x / 15.0, y / 7.0]);
     let options =
         RunOptions { stop: &stop, face_map: Some(&map), retry_wait: Duration::from_millis(1) };
-    run(plan, rig, session, options, &mut |progress| {
-        if stop_after == Some(progress.done) && progress.step == Step::Taken {
-            stop.store(true, Ordering::Relaxed);
+    let frames: usize = plan.shots.iter().map(Shot::frames).sum();
+    let mut told = 0;
+    let outcome = run(plan, rig, session, options, &mut |progress| {
+        if matches!(progress.step, Step::Taken | Step::Kept) {
+            told += 1;
+            // Each frame once, in the plan's order, and on disk by then.
+            assert_eq!((progress.done, progress.total), (told, frames));
+            assert!(files(session).len() >= told);
         }
-    })
+    })?;
+    assert_eq!(told, outcome.taken + outcome.kept);
+    Ok(outcome)
 }
 
 /// Every file under `frames`, with its content.
