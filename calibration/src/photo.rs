@@ -143,6 +143,11 @@ impl Photo {
         format!("{}x{} pixels, {} channel(s), {bits} bits", self.width, self.height, self.channels)
     }
 
+    /// The same picture without its codes: what its shape is known by.
+    pub(crate) fn without_codes(&self) -> Self {
+        Self { name: self.name.clone(), data: Vec::new(), ..*self }
+    }
+
     /// Fails unless `data` really has the promised number of samples, none beyond full scale.
     pub(crate) fn check(&self) -> Result<()> {
         let largest_of = |part: &[u16]| part.iter().copied().max();

@@ -240,18 +240,14 @@ impl Run<'_, '_> {
                         }
                         if placed != Some(shot.target) {
                             // Whoever looks at the pictures may want the bench as it is.
-                            self.settle(&mut outcome, 0);
+                            if !self.settle(&mut outcome, 0) {
+                                return Ok(outcome);
+                            }
                             if self.options.stop.load(Ordering::Relaxed) {
                                 outcome.missing += 1;
                                 continue;
                             }
-                            (self.progress)(Progress {
-                                done: outcome.kept + outcome.taken,
-                                total: self.total,
-                                shot: &shot.name,
-                                step: Step::Placing(shot.target),
-                                left_s: None,
-                            });
+                            self.tell(&outcome, &shot.name, Step::Placing(shot.target), None);
                             let place = |rig: &mut Rig| rig.bench.place(&shot.target);
                             self.persist(shot, &outcome, place)?;
                             placed = Some(shot.target);
@@ -273,14 +269,7 @@ impl Run<'_, '_> {
                     if kept {
                         self.settle(&mut outcome, 0);
                         outcome.kept += 1;
-                        let done = outcome.kept + outcome.taken;
-                        (self.progress)(Progress {
-                            done,
-                            total: self.total,
-                            shot: &shot.name,
-                            step: Step::Kept,
-                            left_s: Some(left_s),
-                        });
+                        self.tell(&outcome, &shot.name, Step::Kept, Some(left_s));
                     } else {
                         self.on_the_way.push_back((shot.name.clone(), left_s));
                         self.settle(&mut outcome, MOST_ON_THE_WAY);
@@ -292,28 +281,29 @@ impl Run<'_, '_> {
         Ok(outcome)
     }
 
-    /// Tells of the frames that have reached the disk, and waits until at most `most` have not.
-    fn settle(&mut self, outcome: &mut Outcome, most: usize) {
-        while let Some((shot, left_s)) = self.on_the_way.front() {
-            let arrived = if self.on_the_way.len() > most {
-                self.to_disk.written.recv().is_ok()
-            } else {
-                self.to_disk.written.try_recv().is_ok()
-            };
-            // Nothing yet; or nothing ever again, which has an error of its own.
-            if !arrived {
-                return;
+    /// Tells of the frames that have reached the disk, and waits until at most `most` have not;
+    /// false if frames are no longer written, which has an error of its own.
+    fn settle(&mut self, outcome: &mut Outcome, most: usize) -> bool {
+        while !self.on_the_way.is_empty() {
+            let written = &self.to_disk.written;
+            if self.on_the_way.len() > most {
+                if written.recv().is_err() {
+                    return false;
+                }
+            } else if written.try_recv().is_err() {
+                return true;
             }
-            outcome.taken += 1;
-            (self.progress)(Progress {
-                done: outcome.kept + outcome.taken,
-                total: self.total,
-                shot,
-                step: Step::Taken,
-                left_s: Some(*left_s),
-            });
-            self.on_the_way.pop_front();
+            if let Some((shot, left_s)) = self.on_the_way.pop_front() {
+                outcome.taken += 1;
+                self.tell(outcome, &shot, Step::Taken, Some(left_s));
+            }
         }
+        true
+    }
+
+    fn tell(&mut self, outcome: &Outcome, shot: &str, step: Step, left_s: Option<f64>) {
+        let (done, total) = (outcome.kept + outcome.taken, self.total);
+        (self.progress)(Progress { done, total, shot, step, left_s });
     }
 
     /// Whether the frame is on disk as the journal says. One that is not is moved aside.
@@ -403,13 +393,7 @@ impl Run<'_, '_> {
             }
             let text = format!("shot {:?}, attempt {attempt}: {source}", shot.name);
             append(self.journal, Event::Note { text: text.clone() })?;
-            (self.progress)(Progress {
-                done: outcome.kept + outcome.taken,
-                total: self.total,
-                shot: &shot.name,
-                step: Step::Retried(text),
-                left_s: None,
-            });
+            self.tell(outcome, &shot.name, Step::Retried(text), None);
             std::thread::sleep(wait);
             wait *= 2;
         }

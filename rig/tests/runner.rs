@@ -359,6 +359,19 @@ fn an_impossible_frame_is_not_written() {
     assert!(files(folder.path()).is_empty());
 }
 
+/// Nobody is asked to change the bench for frames that cannot be kept.
+#[test]
+fn what_cannot_be_written_ends_the_run_before_the_bench_is_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("frames")).unwrap();
+    std::fs::write(folder.path().join("frames/sheet"), "in the way of its folder").unwrap();
+    let (mut rig, scene) = fake();
+    let outcome = go(&mut rig, &plan(), folder.path(), None);
+    assert!(matches!(&outcome, Err(RunError::File(_))), "{outcome:?}");
+    assert_eq!(scene.placements.load(Ordering::Relaxed), 1);
+    assert_eq!(last_status(folder.path()), StopStatus::Failed);
+}
+
 #[test]
 fn a_pattern_on_the_face_needs_a_calibrated_projector() {
     let folder = tempfile::tempdir().unwrap();

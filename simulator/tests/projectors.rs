@@ -2,21 +2,20 @@
 //! can do, and what becomes of everything that may go wrong on the way.
 #![cfg(unix)]
 
+mod common;
+
 use std::time::{Duration, Instant};
 
+use common::PATIENCE;
 use rig::DeviceErrorKind;
 use rig::devices::{
-    Benq, CheckResult, Epson, Fault, Optoma, Part, Patience, Pjlink, PowerState, ProjectorControl,
-    Severity, power_off, power_on, test_projector_control,
+    Benq, CheckResult, Epson, Fault, Optoma, Part, Pjlink, PowerState, ProjectorControl, Severity,
+    power_off, power_on, test_projector_control,
 };
 use simulator::devices::{
     BenqEmulator, EpsonEmulator, OptomaEmulator, PjlinkEmulator, ProjectorSpec, Prompt,
     SimulatedProjector, Wire, WireFault,
 };
-
-/// A second is much for an answer of a few bytes, and little for a machine with other things to do.
-const PATIENCE: Patience =
-    Patience { reply: Duration::from_secs(1), attempts: 3, pause: Duration::from_millis(30) };
 
 /// Nothing here takes as long; whoever comes past it hangs.
 const FOR_EVER: Duration = Duration::from_secs(30);
@@ -98,14 +97,8 @@ fn switch_on(bench: &mut Bench) -> Vec<PowerState> {
     states
 }
 
-/// Waiting is most of what these tests do, so they wait for all protocols at once.
 fn for_each_protocol(test: impl Fn(&'static str) + Sync) {
-    std::thread::scope(|scope| {
-        for protocol in PROTOCOLS {
-            let test = &test;
-            scope.spawn(move || test(protocol));
-        }
-    });
+    common::for_each_protocol(&PROTOCOLS, test);
 }
 
 #[test]

@@ -1,21 +1,19 @@
 //! Each stage driver against its emulator, over a real pseudo-terminal.
 #![cfg(unix)]
 
+mod common;
+
 use std::time::{Duration, Instant};
 
+use common::PATIENCE;
 use rig::DeviceErrorKind;
 use rig::devices::zaber::ZaberAxis;
 use rig::devices::{
-    CheckResult, Coordinate, Degrees, Grbl, Millimetres, Patience, Range, Stage, StageAxis, Zaber,
-    test_stage,
+    CheckResult, Coordinate, Degrees, Grbl, Millimetres, Range, Stage, StageAxis, Zaber, test_stage,
 };
 use simulator::devices::{
     GrblEmulator, SimulatedStage, StageFailure, Wire, WireFault, ZaberEmulator,
 };
-
-/// A second is much for an answer of a few bytes, and little for a machine with other things to do.
-const PATIENCE: Patience =
-    Patience { reply: Duration::from_secs(1), attempts: 3, pause: Duration::from_millis(30) };
 
 const LIMIT: Duration = Duration::from_secs(20);
 
@@ -68,14 +66,8 @@ fn bench(protocol: &str, speed: f64) -> Bench {
     Bench { driver, wire, stage }
 }
 
-/// Waiting is most of what these tests do, so they wait for all protocols at once.
 fn for_each_protocol(test: impl Fn(&'static str) + Sync) {
-    std::thread::scope(|scope| {
-        for protocol in PROTOCOLS {
-            let test = &test;
-            scope.spawn(move || test(protocol));
-        }
-    });
+    common::for_each_protocol(&PROTOCOLS, test);
 }
 
 #[test]

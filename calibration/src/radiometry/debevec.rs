@@ -84,7 +84,7 @@ pub fn recover_response_above(bracket: &[(Photo, f64)], black_code: f64) -> Resu
     let black = black_code.round() as u16;
     let above = |(photo, time): &(Photo, f64)| {
         let data = photo.data.iter().map(|v| v.saturating_sub(black)).collect();
-        (Photo { data, ..photo.clone() }, *time)
+        (Photo { data, ..photo.without_codes() }, *time)
     };
     let shifted: Vec<(Photo, f64)> = bracket.iter().map(above).collect();
     let offset = f64::from(black) / full * (KNOTS - 1) as f64;

@@ -159,7 +159,7 @@ fn mean<E: From<CalibrationError>>(
             Some(first) => refuse_other_shape(&photo, first)?,
             None => {
                 sums = vec![0; photo.data.len()];
-                shape = Some(Photo { data: Vec::new(), ..photo.clone() });
+                shape = Some(photo.without_codes());
             }
         }
         // 65 536 pictures of 16 bits overflow; nobody takes so many.

@@ -4,7 +4,7 @@
 //! `>`; then comes `*KEY=VALUE#`, with or without the star and the hash, as the model likes, or
 //! `Illegal format`, `Unsupported item` or `Block item`.
 
-use super::protocol_error::{printable, trimmed};
+use super::protocol_error::{digits, printable, trimmed};
 use super::transition::Transition;
 use super::{Fault, Link, Patience, PowerState, ProjectorControl, ProtocolError};
 use crate::DeviceError;
@@ -225,11 +225,7 @@ pub fn parse_switch(value: &str) -> Result<bool, ProtocolError> {
 /// # Errors
 /// It is no number of hours.
 pub fn parse_hours(value: &str) -> Result<u32, ProtocolError> {
-    let wrong = || ProtocolError::new("lamp hours", value.as_bytes());
-    if !(1..=6).contains(&value.len()) || !value.bytes().all(|b| b.is_ascii_digit()) {
-        return Err(wrong());
-    }
-    value.parse().map_err(|_| wrong())
+    digits("lamp hours", value.as_bytes(), 6)
 }
 
 #[cfg(test)]

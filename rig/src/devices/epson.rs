@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::protocol_error::{printable, trimmed};
+use super::protocol_error::{digits, printable, trimmed};
 use super::{Fault, Link, Part, Patience, PowerState, ProjectorControl, ProtocolError, Severity};
 use crate::DeviceError;
 
@@ -278,14 +278,9 @@ pub fn parse_mute(value: &str) -> Result<bool, ProtocolError> {
 /// # Errors
 /// It is no list of numbers.
 pub fn parse_hours(value: &str) -> Result<Vec<u32>, ProtocolError> {
-    let wrong = || ProtocolError::new("lamp hours", value.as_bytes());
-    let number = |word: &str| match word {
-        word if (1..=6).contains(&word.len()) && word.bytes().all(|b| b.is_ascii_digit()) => {
-            word.parse().map_err(|_| wrong())
-        }
-        _ => Err(wrong()),
-    };
-    value.split(' ').map(number).collect()
+    // Of several lamps; an error shows all of them.
+    let wrong = |_| ProtocolError::new("lamp hours", value.as_bytes());
+    value.split(' ').map(|w| digits("lamp hours", w.as_bytes(), 6).map_err(wrong)).collect()
 }
 
 /// Parses the value of `ERR?`: 00 for nothing, else what is wrong.
@@ -315,47 +310,41 @@ mod tests {
     use super::super::scripted::{Step, scripted};
     use super::*;
 
+    /// A projector that has been greeted and plays the steps then.
+    fn greeted(then: impl IntoIterator<Item = Step>) -> Epson {
+        let greeting = [Step::Expect(b"\r"), Step::Reply(b":")];
+        Epson::over(scripted(greeting.into_iter().chain(then).collect()))
+    }
+
+    /// One in stand-by that is switched on.
+    fn switched_on(then: impl IntoIterator<Item = Step>) -> Epson {
+        let order = [Step::Expect(b"PWR?\r"), Step::Reply(b"PWR=00\r:"), Step::Expect(b"PWR ON\r")];
+        let mut projector = greeted(order.into_iter().chain(then));
+        projector.set_power(true).unwrap();
+        projector
+    }
+
     #[test]
     fn a_colon_that_is_held_back_is_warming_up() {
-        let link = scripted(vec![
-            Step::Expect(b"\r"),
-            Step::Reply(b":"),
-            Step::Expect(b"PWR?\r"),
-            Step::Reply(b"PWR=00\r:"),
-            Step::Expect(b"PWR ON\r"),
-        ]);
-        let mut projector = Epson::over(link);
-        projector.set_power(true).unwrap();
+        let mut projector = switched_on([]);
         assert_eq!(projector.power_state().unwrap(), PowerState::Warming);
     }
 
     #[test]
     fn it_is_on_once_the_colon_is_there() {
-        let link = scripted(vec![
-            Step::Expect(b"\r"),
-            Step::Reply(b":"),
-            Step::Expect(b"PWR?\r"),
-            Step::Reply(b"PWR=00\r:"),
-            Step::Expect(b"PWR ON\r"),
+        let mut projector = switched_on([
             Step::Reply(b":"),
             Step::Expect(b"PWR?\r"),
             Step::Reply(b"IMEVENT=0001 02 00000002 00000000 T1 F1\r:PWR=01\r:"),
         ]);
-        let mut projector = Epson::over(link);
-        projector.set_power(true).unwrap();
         assert_eq!(projector.power_state().unwrap(), PowerState::On);
     }
 
     #[test]
     fn a_late_colon_answers_no_question() {
-        let link = scripted(vec![
-            Step::Expect(b"\r"),
-            Step::Reply(b":"),
-            Step::Expect(b"LAMP?\r"),
-            Step::Reply(b":"),
-            Step::Reply(b"LAMP=77\r:"),
-        ]);
-        assert_eq!(Epson::over(link).lamp_hours().unwrap(), [77]);
+        let mut projector =
+            greeted([Step::Expect(b"LAMP?\r"), Step::Reply(b":"), Step::Reply(b"LAMP=77\r:")]);
+        assert_eq!(projector.lamp_hours().unwrap(), [77]);
     }
 
     #[test]

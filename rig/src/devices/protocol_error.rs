@@ -46,3 +46,16 @@ pub(super) fn printable<'a>(
 pub(super) fn trimmed(bytes: &[u8]) -> &[u8] {
     bytes.trim_ascii()
 }
+
+/// A number of one to `longest` digits, and nothing else.
+pub(super) fn digits(
+    expected: &'static str,
+    bytes: &[u8],
+    longest: usize,
+) -> Result<u32, ProtocolError> {
+    let wrong = || ProtocolError::new(expected, bytes);
+    if !(1..=longest).contains(&bytes.len()) || !bytes.iter().all(u8::is_ascii_digit) {
+        return Err(wrong());
+    }
+    std::str::from_utf8(bytes).ok().and_then(|text| text.parse().ok()).ok_or_else(wrong)
+}

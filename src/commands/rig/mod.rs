@@ -11,6 +11,7 @@ use ::rig::devices::{ProjectorControl, Stage, StageAxis};
 use ::rig::{RigFileError, SimulatedDevices};
 use clap::Subcommand;
 use simulator::devices::{ProjectorSpec, SimulatedProjector, SimulatedStage};
+use std::path::Path;
 
 #[derive(Subcommand)]
 pub(crate) enum Args {
@@ -31,6 +32,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Args::Park(args) => rest::park(args),
         Args::Halt(args) => rest::halt(args),
     }
+}
+
+/// A rig file without what a command is about.
+fn nothing(path: &Path, what: &str) -> Failure {
+    Failure::input(format!("{}: there is {what}", path.display()))
+        .hint("docs/devices.md has examples")
 }
 
 /// Of a simulated stage, mm or degrees a second: about that of a small real one.

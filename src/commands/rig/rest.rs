@@ -1,6 +1,6 @@
 //! `diaphane rig park` and `diaphane rig halt`: the end of the work, and the end of a fright.
 
-use super::{Simulated, permission};
+use super::{Simulated, nothing, permission};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
@@ -74,11 +74,6 @@ pub(super) fn halt(args: &Halt) -> Result<Done, Failure> {
     stage.halt().map_err(|error| failure(error, config.address()))?;
     let text = format!("{}: halted; it may have to be homed", stage.name());
     Ok(Done::new(json!({ "halted": stage.name() }), text))
-}
-
-fn nothing(path: &std::path::Path, what: &str) -> Failure {
-    Failure::input(format!("{}: there is {what}", path.display()))
-        .hint("docs/devices.md has examples")
 }
 
 fn failure(error: DeviceError, address: Option<Address>) -> Failure {

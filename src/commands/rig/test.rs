@@ -1,6 +1,6 @@
 //! `diaphane rig test`: try each device for a moment.
 
-use super::{Simulated, permission};
+use super::{Simulated, nothing, permission};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
@@ -71,11 +71,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         }
     }
     if tested.is_empty() {
-        return Err(Failure::input(format!(
-            "{}: there is neither a [projector.control] nor a [stage] to test",
-            args.rig.display()
-        ))
-        .hint("docs/devices.md has examples"));
+        return Err(nothing(&args.rig, "neither a [projector.control] nor a [stage] to test"));
     }
     let fails = |check: &&Check| check.result == CheckResult::Fail;
     let first = tested
@@ -110,6 +106,16 @@ fn step(
     (Check { name: name.into(), result, found }, advice)
 }
 
+/// What to do about checks that failed: they are words, but asking once `again` tells.
+fn what_helps(
+    checks: &[Check],
+    again: impl FnOnce() -> Option<DeviceError>,
+    address: Option<&Address>,
+) -> Option<String> {
+    checks.iter().find(|check| check.result == CheckResult::Fail)?;
+    permission::advice(again()?.kind(), address)
+}
+
 fn test_control(config: &ControlConfig, args: &Args) -> Tested {
     let mut projector = config.open(&Simulated);
     let mut checks = Vec::new();
@@ -121,12 +127,8 @@ fn test_control(config: &ControlConfig, args: &Args) -> Tested {
         advice = way_out;
     }
     let answers = test_projector_control(projector.as_mut(), config.input());
-    if advice.is_none() && answers.iter().any(|check| check.result == CheckResult::Fail) {
-        // The checks are words; another question tells what would help.
-        let error = projector.power_state().err();
-        advice =
-            error.and_then(|error| permission::advice(error.kind(), config.address().as_ref()));
-    }
+    let again = || projector.power_state().err();
+    advice = advice.or_else(|| what_helps(&answers, again, config.address().as_ref()));
     checks.extend(answers);
     Tested { part: "projector control", driver: config.driver(), checks, advice }
 }
@@ -159,13 +161,7 @@ fn move_stage(config: &StageConfig, args: &Args) -> Tested {
         }
     }
     let moved = test_stage(stage.as_mut(), MOVE);
-    let mut advice = None;
-    if moved.iter().any(|check| check.result == CheckResult::Fail) {
-        // The checks are words; another question tells what would help.
-        let error = stage.position(0).err();
-        advice =
-            error.and_then(|error| permission::advice(error.kind(), config.address().as_ref()));
-    }
+    let advice = what_helps(&moved, || stage.position(0).err(), config.address().as_ref());
     checks.extend(moved);
     Tested { part, driver, checks, advice }
 }

@@ -73,6 +73,20 @@ enum Dark {
     Measured { masters: [usize; 2], share: f32, variance: f32 },
 }
 
+impl Dark {
+    /// Exposure without light of one sample, whose level each master dark has by its number.
+    #[inline(always)]
+    fn exposure(self, channel: &Channel, level: impl Fn(usize) -> f32) -> f32 {
+        match self {
+            Dark::Unmeasured => 0.0,
+            Dark::Measured { masters: [a, b], share, .. } => {
+                let (a, b) = (level(a), level(b));
+                channel.exposure_of(a + share * (b - a))
+            }
+        }
+    }
+}
+
 /// What a merge found out beside the radiance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MergeReport {
@@ -157,21 +171,15 @@ impl<'a> Merger<'a> {
         self.check(&photo, exposure_s)?;
         if self.shape.is_none() {
             self.few = few_pixels(&photo);
-            self.shape = Some(Photo { data: Vec::new(), ..photo.clone() });
+            self.shape = Some(photo.without_codes());
         }
         let dark = self.dark_for(&photo, exposure_s)?;
         let codes = self.few_of(&photo.data, photo.channels);
         let each = self.few.len();
-        let few_dark = |channel: &Channel, i: usize| match dark {
-            Dark::Unmeasured => 0.0,
-            Dark::Measured { masters: [a, b], share, .. } => {
-                let (a, b) = (self.darks[a].0.few[i], self.darks[b].0.few[i]);
-                channel.exposure_of(a + share * (b - a))
-            }
-        };
         let mut few = Few { time: exposure_s as f32, light: Vec::new(), dark: Vec::new() };
         for (c, (codes, channel)) in codes.chunks(each).zip(&self.channels).enumerate() {
-            few.dark.extend((0..codes.len()).map(|l| few_dark(channel, c * each + l)));
+            let level = |l: usize| dark.exposure(channel, |m| self.darks[m].0.few[c * each + l]);
+            few.dark.extend((0..codes.len()).map(level));
             let dark = &few.dark[c * each..];
             let exposures = codes.iter().map(|code| channel.exposure[usize::from(*code)]);
             few.light.extend(exposures.zip(dark).map(|(all, dark)| all - dark));

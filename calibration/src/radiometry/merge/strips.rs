@@ -277,15 +277,9 @@ fn work<F: MultiplyAdd>(piece: Piece) {
                 }
                 let exposure = bench.next(frame);
                 load(codes, stride, count, channel, &mut exposure.x);
-                match frame.dark {
-                    Dark::Unmeasured => exposure.dark = [0.0; LANES],
-                    Dark::Measured { masters: [a, b], share, .. } => {
-                        let (a, b) = (&strip.darks[a], &strip.darks[b]);
-                        for l in 0..count {
-                            let (a, b) = (a[at + first + l * stride], b[at + first + l * stride]);
-                            exposure.dark[l] = channel.exposure_of(a + share * (b - a));
-                        }
-                    }
+                for l in 0..count {
+                    let place = at + first + l * stride;
+                    exposure.dark[l] = frame.dark.exposure(channel, |m| strip.darks[m][place]);
                 }
             }
             solve_channel::<F>(bench, channel, like);

@@ -1,6 +1,5 @@
 //! What becomes of a piece after it is solved: the flat field, and what is counted over the picture.
 
-use super::Dark;
 use super::strips::{Job, Strip};
 
 /// Counts over the picture.
@@ -57,13 +56,7 @@ pub(super) fn finish(
         let channel = &job.channels[(i % n).min(job.channels.len() - 1)];
         let off = |k: usize| {
             let frame = &job.frames[k];
-            let dark = match frame.dark {
-                Dark::Unmeasured => 0.0,
-                Dark::Measured { masters: [a, b], share, .. } => {
-                    let (a, b) = (strip.darks[a][at + i], strip.darks[b][at + i]);
-                    channel.exposure_of(a + share * (b - a))
-                }
-            };
+            let dark = frame.dark.exposure(channel, |m| strip.darks[m][at + i]);
             let mean = frame.few.time * radiance[i] + dark;
             let code = usize::from(strip.codes[k][at + i]);
             let counts = if mean < channel.clipped { 1.0 } else { 0.0 };

@@ -1,7 +1,7 @@
 //! What Optoma projectors send.
 
 use super::super::ProtocolError;
-use super::super::protocol_error::trimmed;
+use super::super::protocol_error::{digits, trimmed};
 
 /// What an Optoma projector sends.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -82,11 +82,7 @@ pub fn parse_switch(value: &[u8]) -> Result<bool, ProtocolError> {
 /// # Errors
 /// They are not one to five digits.
 pub fn parse_hours(value: &[u8]) -> Result<u32, ProtocolError> {
-    let wrong = || ProtocolError::new("lamp hours, up to five digits", value);
-    if !(1..=5).contains(&value.len()) || !value.iter().all(u8::is_ascii_digit) {
-        return Err(wrong());
-    }
-    std::str::from_utf8(value).ok().and_then(|text| text.parse().ok()).ok_or_else(wrong)
+    digits("lamp hours, up to five digits", value, 5)
 }
 
 /// The collected answer to `150 1`, as far as all models agree on it.
