@@ -1,5 +1,7 @@
 //! What a rig consists of, as traits that hardware and the simulator both implement.
 
+use std::collections::BTreeMap;
+
 use material::Face;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +33,25 @@ pub trait Camera: Send {
     /// # Errors
     /// The device does not answer, is gone, or cannot do that exposure.
     fn expose(&mut self, exposure_s: f64) -> Result<Frame, DeviceError>;
+
+    /// What the camera says of itself after an exposure.
+    ///
+    /// # Errors
+    /// The device does not answer or is gone.
+    fn readback(&mut self) -> Result<Readback, DeviceError> {
+        Ok(Readback::default())
+    }
+}
+
+/// What a device says of itself; it goes into the journal with every frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Readback {
+    /// Of the sensor or, where there is no such thermometer, of the housing, °C.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_c: Option<f64>,
+    /// Settings by the device's own names, in its own words: `Gain` → `0 dB`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub settings: BTreeMap<String, String>,
 }
 
 /// What a camera delivers.
@@ -58,6 +79,14 @@ pub trait Projector: Send {
     /// # Errors
     /// The device does not answer or is gone, or the image has another size.
     fn show(&mut self, image: &ProjectorImage) -> Result<(), DeviceError>;
+
+    /// Goes dark and is put away; nothing is shown any more.
+    ///
+    /// # Errors
+    /// The device does not answer or is gone.
+    fn park(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
 }
 
 /// What a projector takes.
@@ -79,6 +108,14 @@ pub trait Bench: Send {
     /// # Errors
     /// It could not be done, or somebody declined.
     fn place(&mut self, target: &Target) -> Result<(), DeviceError>;
+
+    /// Puts whatever moves to where it rests.
+    ///
+    /// # Errors
+    /// The device does not answer, is gone, or has stopped itself.
+    fn park(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
 }
 
 /// A thing that a picture is taken of.
@@ -167,6 +204,14 @@ pub enum DeviceError {
         /// What could not be opened.
         path: String,
     },
+    /// This program was built without the part that speaks to it.
+    #[error("{device}: this program was built without the driver \"{driver}\"")]
+    MissingDriver {
+        /// The device.
+        device: String,
+        /// The driver, which is also the name of the Cargo feature.
+        driver: &'static str,
+    },
     /// Somebody else has it, or it has not finished.
     #[error("{device}: busy")]
     Busy {
@@ -232,6 +277,8 @@ pub enum DeviceErrorKind {
     NotFound,
     /// Not allowed.
     NoPermission,
+    /// Not in this build.
+    MissingDriver,
     /// Not now.
     Busy,
     /// Not any more.
@@ -261,6 +308,7 @@ impl DeviceError {
         match self {
             Self::NotFound { .. } => DeviceErrorKind::NotFound,
             Self::NoPermission { .. } => DeviceErrorKind::NoPermission,
+            Self::MissingDriver { .. } => DeviceErrorKind::MissingDriver,
             Self::Busy { .. } => DeviceErrorKind::Busy,
             Self::Disconnected { .. } => DeviceErrorKind::Disconnected,
             Self::Timeout { .. } => DeviceErrorKind::Timeout,

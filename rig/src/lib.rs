@@ -23,7 +23,8 @@ pub use acquisition::{
 };
 pub use code::{CodeSequence, PhaseShift};
 pub use device::{
-    Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Rig, Target,
+    Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Readback,
+    Rig, Target,
 };
 pub use frame::{Frame, FrameError, FrameMetadata, FrameStats, read_frame, write_frame};
 pub use held::HeldBoard;

@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use super::{ControlConfig, Letter, StageConfig};
+use super::{CameraConfig, ControlConfig, DisplayConfig, Letter, StageConfig};
 use crate::devices::zaber::ZaberAxis;
 use crate::devices::{
     Benq, Epson, Grbl, Optoma, Patience, Pjlink, ProjectorControl, Stage, StageAxis, Zaber,
 };
+use crate::{Camera, DeviceError, Projector};
 
 /// Where a device is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,10 +29,61 @@ impl std::fmt::Display for Address {
 
 /// Makes the devices that a rig file calls simulated: they live above this crate.
 pub trait SimulatedDevices {
-    /// A projector.
+    /// A camera.
+    ///
+    /// # Errors
+    /// There is none.
+    fn camera(&self) -> Result<Box<dyn Camera>, DeviceError>;
+    /// What shows a picture.
+    ///
+    /// # Errors
+    /// There is none.
+    fn display(&self) -> Result<Box<dyn Projector>, DeviceError>;
+    /// A projector's remote control.
     fn control(&self) -> Box<dyn ProjectorControl>;
     /// A stage with these axes.
     fn stage(&self, axes: Vec<StageAxis>) -> Box<dyn Stage>;
+}
+
+impl CameraConfig {
+    /// The driver's name in the file.
+    pub fn driver(&self) -> &'static str {
+        match self {
+            Self::Simulated {} => "simulated",
+        }
+    }
+
+    /// The camera, ready to expose.
+    ///
+    /// # Errors
+    /// It is not there, not free, or this program was built without its driver.
+    pub fn open(&self, simulated: &dyn SimulatedDevices) -> Result<Box<dyn Camera>, DeviceError> {
+        match self {
+            Self::Simulated {} => simulated.camera(),
+        }
+    }
+}
+
+impl DisplayConfig {
+    /// The driver's name in the file.
+    pub fn driver(&self) -> &'static str {
+        match self {
+            Self::Simulated {} => "simulated",
+        }
+    }
+
+    /// What shows pictures, dark until it is given one.
+    ///
+    /// # Errors
+    /// It is not there, not free, or this program was built without its driver.
+    pub fn open(
+        &self,
+        simulated: &dyn SimulatedDevices,
+    ) -> Result<Box<dyn Projector>, DeviceError> {
+        match self {
+            Self::Simulated {} => simulated.display(),
+        }
+    }
 }
 
 impl ControlConfig {

@@ -8,9 +8,11 @@ mod test;
 use crate::Failure;
 use crate::output::Done;
 use ::rig::devices::{ProjectorControl, Stage, StageAxis};
-use ::rig::{RigFileError, SimulatedDevices};
+use ::rig::{Camera, DeviceError, Projector, Rig, RigFileError, SimulatedDevices};
 use clap::Subcommand;
+use material::Face;
 use simulator::devices::{ProjectorSpec, SimulatedProjector, SimulatedStage};
+use simulator::{SampleKind, SampleSpec, SimulatedRig};
 use std::path::Path;
 
 #[derive(Subcommand)]
@@ -47,6 +49,14 @@ const SPEED: f64 = 20.0;
 struct Simulated;
 
 impl SimulatedDevices for Simulated {
+    fn camera(&self) -> Result<Box<dyn Camera>, DeviceError> {
+        Ok(simulated_rig()?.camera)
+    }
+
+    fn display(&self) -> Result<Box<dyn Projector>, DeviceError> {
+        Ok(simulated_rig()?.projector)
+    }
+
     fn control(&self) -> Box<dyn ProjectorControl> {
         Box::new(SimulatedProjector::new(ProjectorSpec::default()))
     }
@@ -54,6 +64,12 @@ impl SimulatedDevices for Simulated {
     fn stage(&self, axes: Vec<StageAxis>) -> Box<dyn Stage> {
         Box::new(SimulatedStage::new(axes, SPEED))
     }
+}
+
+/// Around the block of the demo.
+fn simulated_rig() -> Result<Rig, DeviceError> {
+    let sample = SampleSpec { kind: SampleKind::Wax, seed: 1 };
+    Ok(SimulatedRig::new(&sample, Face::Back)?.rig())
 }
 
 impl From<RigFileError> for Failure {
