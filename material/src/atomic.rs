@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::FileError;
 
@@ -30,48 +30,87 @@ pub fn atomic_write(
     overwrite: Overwrite,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<(), FileError> {
-    // Asked before the work as well as after, so that a long export does not run for nothing.
-    if overwrite == Overwrite::Refuse && path.symlink_metadata().is_ok() {
-        return Err(FileError::Exists { path: path.into() });
-    }
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
     let failed = |source| FileError::Io { path: path.into(), action: "write", source };
-
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".part-");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // A temporary file is private by default; the finished one obeys the umask.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let temporary = builder.tempfile_in(folder).map_err(failed)?;
+    let unfinished = Unfinished::begin(path, overwrite)?;
     // `write` gets a handle of its own; the guard that deletes on failure stays here.
-    let mut file = BufWriter::new(temporary.reopen().map_err(failed)?);
+    let mut file = BufWriter::new(unfinished.temporary.reopen().map_err(failed)?);
     write(&mut file).map_err(failed)?;
     file.flush().map_err(failed)?;
-    file.get_ref().sync_all().map_err(failed)?;
     drop(file);
+    unfinished.finish()
+}
 
-    let renamed = match overwrite {
-        Overwrite::Replace => temporary.persist(path),
-        Overwrite::Refuse => temporary.persist_noclobber(path),
-    };
-    if let Err(failure) = renamed {
-        return Err(match (overwrite, failure.error.kind()) {
-            (Overwrite::Refuse, io::ErrorKind::AlreadyExists) => {
-                FileError::Exists { path: path.into() }
-            }
-            _ => failed(failure.error),
-        });
+/// The two halves of [`atomic_write`], for who writes a file on one thread and waits for the disk
+/// on another. A file that is not finished leaves nothing behind when it is dropped.
+#[derive(Debug)]
+pub struct Unfinished {
+    path: PathBuf,
+    overwrite: Overwrite,
+    temporary: tempfile::NamedTempFile,
+}
+
+impl Unfinished {
+    /// Opens a temporary file beside `path`.
+    ///
+    /// # Errors
+    /// [`FileError::Exists`] where `overwrite` is [`Overwrite::Refuse`] and the name is taken,
+    /// [`FileError::Io`] where the folder takes no file.
+    pub fn begin(path: &Path, overwrite: Overwrite) -> Result<Self, FileError> {
+        // Asked before the work as well as after, so that a long export does not run for nothing.
+        if overwrite == Overwrite::Refuse && path.symlink_metadata().is_ok() {
+            return Err(FileError::Exists { path: path.into() });
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".part-");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // A temporary file is private by default; the finished one obeys the umask.
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let failed = |source| FileError::Io { path: path.into(), action: "write", source };
+        let temporary = builder.tempfile_in(folder_of(path)).map_err(failed)?;
+        Ok(Self { path: path.into(), overwrite, temporary })
     }
-    // The new name itself has to reach the disk. Folders cannot be opened on Windows.
-    #[cfg(unix)]
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed)?;
-    Ok(())
+
+    /// The file, empty at first; it is not buffered.
+    pub fn file(&mut self) -> &mut File {
+        self.temporary.as_file_mut()
+    }
+
+    /// Syncs the file and gives it its name.
+    ///
+    /// # Errors
+    /// [`FileError::Exists`] where the name was taken meanwhile and may not be;
+    /// [`FileError::Io`] otherwise.
+    pub fn finish(self) -> Result<(), FileError> {
+        let Self { path, overwrite, temporary } = self;
+        let failed = |source| FileError::Io { path: path.clone(), action: "write", source };
+        temporary.as_file().sync_all().map_err(failed)?;
+        let renamed = match overwrite {
+            Overwrite::Replace => temporary.persist(&path),
+            Overwrite::Refuse => temporary.persist_noclobber(&path),
+        };
+        if let Err(failure) = renamed {
+            return Err(match (overwrite, failure.error.kind()) {
+                (Overwrite::Refuse, io::ErrorKind::AlreadyExists) => {
+                    FileError::Exists { path: path.clone() }
+                }
+                _ => failed(failure.error),
+            });
+        }
+        // The new name itself has to reach the disk. Folders cannot be opened on Windows.
+        #[cfg(unix)]
+        File::open(folder_of(&path)).and_then(|folder| folder.sync_all()).map_err(failed)?;
+        Ok(())
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
 }
 
 #[cfg(test)]

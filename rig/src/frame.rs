@@ -1,16 +1,17 @@
 //! Frames in memory and on disk: 16-bit PNG with everything about the frame inside.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use material::{FileError, Overwrite, atomic_write};
+use material::{FileError, Overwrite, Unfinished};
 use serde::{Deserialize, Serialize};
 
+use crate::encode::{self, encode_frame};
 use crate::{Pattern, Purpose, Target};
 
 /// The text chunk that holds [`FrameMetadata`] as JSON.
-const KEYWORD: &str = "diaphane";
+pub(crate) const KEYWORD: &str = "diaphane";
 /// Deflate cannot do better than 1032 : 1, so an image that claims more is lying.
 const MOST_COMPRESSION: u64 = 1032;
 
@@ -69,6 +70,10 @@ pub struct FrameStats {
     pub mean: f64,
     /// Share of values at the largest number that the camera can give.
     pub clipped_share: f64,
+    /// How much neighbours differ, over the square of the mean: Brenner's focus score. It compares
+    /// frames of one thing in one light; 0 in journals from before it was measured.
+    #[serde(default)]
+    pub focus: f64,
 }
 
 /// A frame that cannot be used.
@@ -103,8 +108,8 @@ pub enum FrameError {
         /// The value found.
         value: u16,
     },
-    /// It makes no PNG.
-    #[error("cannot be encoded as PNG: {0}")]
+    /// What is known about it is no text.
+    #[error("what is known about the frame cannot be written down: {0}")]
     Encode(
         /// Why.
         String,
@@ -141,6 +146,16 @@ impl Frame {
     /// # Errors
     /// The pixels do not fit the size, or exceed the bit depth.
     pub fn check(&self) -> Result<(), FrameError> {
+        self.check_shape()?;
+        let max = self.max_value();
+        match self.data.iter().position(|&v| v > max) {
+            None => Ok(()),
+            Some(index) => Err(FrameError::Value { max, index, value: self.data[index] }),
+        }
+    }
+
+    /// Whether there are as many values as the size says.
+    pub(crate) fn check_shape(&self) -> Result<(), FrameError> {
         let &Frame { width, height, channels, bit_depth, .. } = self;
         let found = self.data.len();
         let pixels = (width as usize).checked_mul(height as usize);
@@ -149,23 +164,7 @@ impl Frame {
         if found == 0 || expected != Some(found) || !plausible {
             return Err(FrameError::Shape { width, height, channels, bit_depth, found });
         }
-        let max = self.max_value();
-        match self.data.iter().position(|&v| v > max) {
-            None => Ok(()),
-            Some(index) => Err(FrameError::Value { max, index, value: self.data[index] }),
-        }
-    }
-
-    /// Range, mean and clipping over all pixels and channels.
-    pub fn stats(&self) -> FrameStats {
-        let n = self.data.len().max(1) as f64;
-        let clip = self.max_value();
-        FrameStats {
-            min: self.data.iter().copied().min().unwrap_or(0),
-            max: self.data.iter().copied().max().unwrap_or(0),
-            mean: self.data.iter().map(|&v| u64::from(v)).sum::<u64>() as f64 / n,
-            clipped_share: self.data.iter().filter(|&&v| v >= clip).count() as f64 / n,
-        }
+        Ok(())
     }
 }
 
@@ -180,34 +179,10 @@ pub fn write_frame(
     metadata: &FrameMetadata,
     overwrite: Overwrite,
 ) -> Result<(), FrameError> {
-    let bytes = encode_frame(frame, metadata)?;
-    atomic_write(path, overwrite, |file: &mut BufWriter<File>| file.write_all(&bytes))?;
-    Ok(())
-}
-
-/// The bytes that [`write_frame`] writes.
-///
-/// # Errors
-/// The frame does not [`Frame::check`].
-pub(crate) fn encode_frame(frame: &Frame, metadata: &FrameMetadata) -> Result<Vec<u8>, FrameError> {
-    frame.check()?;
-    let color = if frame.channels == 1 { png::ColorType::Grayscale } else { png::ColorType::Rgb };
-    let mut big_endian = vec![0; 2 * frame.data.len()];
-    let pairs = big_endian.as_chunks_mut::<2>().0.iter_mut();
-    pairs.zip(&frame.data).for_each(|(pair, value)| *pair = value.to_be_bytes());
-    let text = serde_json::to_string(metadata).map_err(|e| FrameError::Encode(e.to_string()))?;
-    let mut bytes = Vec::with_capacity(big_endian.len());
-    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
-    encoder.set_color(color);
-    encoder.set_depth(png::BitDepth::Sixteen);
-    encoder.set_compression(png::Compression::Fast);
-    let written = encoder.add_itxt_chunk(KEYWORD.into(), text).and_then(|()| {
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(&big_endian)?;
-        writer.finish()
-    });
-    written.map_err(|e| FrameError::Encode(e.to_string()))?;
-    Ok(bytes)
+    let mut unfinished = Unfinished::begin(path, overwrite)?;
+    let failed = |e| encode::named(e, path);
+    encode_frame(frame, metadata, unfinished.file()).map_err(failed)?;
+    Ok(unfinished.finish()?)
 }
 
 /// Reads a frame that [`write_frame`] wrote.

@@ -7,6 +7,7 @@ mod acquisition;
 mod code;
 mod device;
 pub mod devices;
+mod encode;
 mod frame;
 mod held;
 mod journal;

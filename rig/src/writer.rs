@@ -9,9 +9,9 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 
-use material::{FileError, Overwrite, atomic_write};
+use material::{FileError, Overwrite, Unfinished};
 
-use crate::frame::encode_frame;
+use crate::encode::{Encoded, encode_frame, named};
 use crate::runner::append;
 use crate::{Event, Frame, FrameMetadata, Journal, Outcome, RunError, frame_path};
 
@@ -26,10 +26,9 @@ pub(crate) struct Taken {
     pub settings: String,
 }
 
-/// A file that is not on disk yet, and its line in the journal.
-struct Encoded {
-    bytes: Vec<u8>,
-    file: String,
+/// A file that has not reached the disk yet, and its line in the journal.
+struct Written {
+    file: Unfinished,
     event: Event,
 }
 
@@ -51,56 +50,60 @@ pub(crate) fn with_writer(
 ) -> Result<Outcome, RunError> {
     std::thread::scope(|scope| {
         let (frames, taken) = sync_channel(WAITING);
-        let (to_writer, encoded) = sync_channel(WAITING);
+        let (to_disk, unsynced) = sync_channel(WAITING);
         let (done, written) = channel();
-        let encoder = scope.spawn(move || encode_all(&taken, &to_writer));
-        let writer = scope.spawn(move || write_all(session, journal, &encoded, &done));
+        let encoder = scope.spawn(move || encode_all(session, &taken, &to_disk));
+        let syncer = scope.spawn(move || sync_all(journal, &unsynced, &done));
         let outcome = take(ToDisk { frames, written });
         let ended = |thread: std::thread::ScopedJoinHandle<'_, Result<(), RunError>>| {
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
-        let (encoded, written) = (ended(encoder), ended(writer));
-        written.and(encoded).and(outcome)
+        let (encoded, synced) = (ended(encoder), ended(syncer));
+        synced.and(encoded).and(outcome)
     })
 }
 
-fn encode_all(taken: &Receiver<Taken>, to_writer: &SyncSender<Encoded>) -> Result<(), RunError> {
+fn encode_all(
+    session: &Path,
+    taken: &Receiver<Taken>,
+    to_sync: &SyncSender<Written>,
+) -> Result<(), RunError> {
     for Taken { frame, metadata, settings } in taken {
         let shot = metadata.shot.clone();
-        let bytes = encode_frame(&frame, &metadata)
-            .map_err(|source| RunError::Frame { shot: shot.clone(), source })?;
-        let file = frame_path(&shot, metadata.exposure_index, metadata.repeat);
+        let name = frame_path(&shot, metadata.exposure_index, metadata.repeat);
+        let path = session.join(&name);
+        if let Some(folder) = path.parent() {
+            let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        let mut file = Unfinished::begin(&path, Overwrite::Refuse)?;
+        let Encoded { blake3, stats } = encode_frame(&frame, &metadata, file.file())
+            .map_err(|e| RunError::Frame { shot: shot.clone(), source: named(e, &path) })?;
         let event = Event::FrameWritten {
             shot,
             exposure_index: metadata.exposure_index,
             repeat: metadata.repeat,
-            file: file.clone(),
-            blake3: blake3::hash(&bytes).to_hex().to_string(),
+            file: name,
+            blake3,
             settings,
             exposure_s: frame.exposure_s,
-            stats: frame.stats(),
+            stats,
         };
-        if to_writer.send(Encoded { bytes, file, event }).is_err() {
-            // The writer has failed, and says why.
+        if to_sync.send(Written { file, event }).is_err() {
+            // The other thread has failed, and says why.
             break;
         }
     }
     Ok(())
 }
 
-fn write_all(
-    session: &Path,
+fn sync_all(
     journal: &Mutex<Journal>,
-    encoded: &Receiver<Encoded>,
+    written: &Receiver<Written>,
     done: &Sender<()>,
 ) -> Result<(), RunError> {
-    for Encoded { bytes, file, event } in encoded {
-        let path = session.join(&file);
-        if let Some(folder) = path.parent() {
-            let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
-            std::fs::create_dir_all(folder).map_err(failed)?;
-        }
-        atomic_write(&path, Overwrite::Refuse, |out| std::io::Write::write_all(out, &bytes))?;
+    for Written { file, event } in written {
+        file.finish()?;
         append(journal, event)?;
         // Nobody listens any more where the run itself has failed; the frame is there all the same.
         let _ = done.send(());
