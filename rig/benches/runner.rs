@@ -70,8 +70,7 @@ fn picture() -> Vec<u16> {
 fn capture(rig: &mut Rig, plan: &Plan, session: &Path) -> Duration {
     let began = Instant::now();
     let stop = AtomicBool::new(false);
-    let options = RunOptions { stop: &stop, face_map: None, retry_wait: Duration::from_millis(1) };
-    run(plan, rig, session, options, &mut |_| ()).expect("a capture");
+    run(plan, rig, session, RunOptions::new(&stop), &mut |_| ()).expect("a capture");
     began.elapsed()
 }
 

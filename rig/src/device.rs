@@ -80,6 +80,15 @@ pub trait Projector: Send {
     /// The device does not answer or is gone, or the image has another size.
     fn show(&mut self, image: &ProjectorImage) -> Result<(), DeviceError>;
 
+    /// Whether what was shown is still on the wall: a projector may have fallen asleep, or its
+    /// window may be gone, without anybody having asked it for anything.
+    ///
+    /// # Errors
+    /// It is not, or the device does not answer.
+    fn still_shows(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
     /// Goes dark and is put away; nothing is shown any more.
     ///
     /// # Errors
@@ -242,6 +251,16 @@ pub enum DeviceError {
         /// What came instead.
         bytes: Vec<u8>,
     },
+    /// A picture came that cannot be one of this camera's.
+    #[error("{device}: expected {expected}, received {found}")]
+    BadFrame {
+        /// The camera.
+        device: String,
+        /// Size, channels and bits that it has.
+        expected: String,
+        /// What came instead.
+        found: String,
+    },
     /// It cannot do what was asked.
     #[error("{device}: {reason}")]
     Unsupported {
@@ -300,6 +319,11 @@ impl DeviceErrorKind {
     pub fn is_transient(self) -> bool {
         matches!(self, Self::Busy | Self::Timeout | Self::Protocol)
     }
+
+    /// Whether a device that was there is not: a plug that somebody may push back in.
+    pub fn is_gone(self) -> bool {
+        matches!(self, Self::Disconnected | Self::NotFound)
+    }
 }
 
 impl DeviceError {
@@ -312,7 +336,7 @@ impl DeviceError {
             Self::Busy { .. } => DeviceErrorKind::Busy,
             Self::Disconnected { .. } => DeviceErrorKind::Disconnected,
             Self::Timeout { .. } => DeviceErrorKind::Timeout,
-            Self::Protocol { .. } => DeviceErrorKind::Protocol,
+            Self::Protocol { .. } | Self::BadFrame { .. } => DeviceErrorKind::Protocol,
             Self::Unsupported { .. } => DeviceErrorKind::Unsupported,
             Self::Fault { .. } => DeviceErrorKind::Fault,
             Self::Declined { .. } => DeviceErrorKind::Declined,

@@ -10,20 +10,18 @@ use std::path::Path;
 use material::FileError;
 
 use crate::frame::KEYWORD;
-use crate::{Frame, FrameError, FrameMetadata, FrameStats};
+use crate::survey::Survey;
+use crate::{Frame, FrameError, FrameMetadata, PixelRect};
 
 /// The most that a stored block of deflate holds (RFC 1951, section 3.2.4), bytes.
 const BLOCK: usize = 65535;
 /// Head of a stored block: whether it is the last, and its length twice.
 const BLOCK_HEAD: usize = 5;
-/// Every how many rows the focus score looks: it is one number of millions of pixels.
-const FOCUS_STEP: usize = 4;
-
 /// What there is to tell of a frame that was encoded.
 pub(crate) struct Encoded {
     /// BLAKE3 of all bytes.
     pub blake3: String,
-    pub stats: FrameStats,
+    pub survey: Survey,
 }
 
 /// Why a frame could not be encoded, in a file that is not named yet.
@@ -56,6 +54,7 @@ pub(crate) fn named(error: EncodeError, path: &Path) -> FrameError {
 pub(crate) fn encode_frame(
     frame: &Frame,
     metadata: &FrameMetadata,
+    patch: Option<PixelRect>,
     out: &mut impl Write,
 ) -> Result<Encoded, EncodeError> {
     frame.check_shape().map_err(EncodeError::Frame)?;
@@ -80,7 +79,7 @@ pub(crate) fn encode_frame(
     let row_values = frame.width as usize * usize::from(frame.channels);
     let row_bytes = 1 + 2 * row_values;
     let mut pixels = Stored::new(file, row_bytes * frame.height as usize)?;
-    let mut survey = Survey::new(frame);
+    let mut survey = Survey::new(frame, patch);
     let mut bytes = vec![0; row_bytes];
     for row in frame.data.chunks_exact(row_values) {
         // The first byte names the row's filter: none.
@@ -92,91 +91,7 @@ pub(crate) fn encode_frame(
     let mut file = pixels.file;
     file.begin(b"IEND");
     file.end()?;
-    Ok(Encoded { blake3: file.hash.finalize().to_hex().to_string(), stats: survey.stats() })
-}
-
-impl Frame {
-    /// Range, mean and clipping over all pixels and channels, and focus.
-    pub fn stats(&self) -> FrameStats {
-        let mut survey = Survey::new(self);
-        let row_values = self.width as usize * usize::from(self.channels);
-        for row in self.data.chunks(row_values.max(1)) {
-            // Values that no camera gives are the business of `check`.
-            let _ = survey.row(row);
-        }
-        survey.stats()
-    }
-}
-
-/// The frame in a few numbers, row by row.
-struct Survey {
-    channels: usize,
-    clip: u16,
-    rows: usize,
-    values: usize,
-    min: u16,
-    max: u16,
-    sum: u64,
-    clipped: u64,
-    differences: u64,
-    compared: u64,
-}
-
-impl Survey {
-    fn new(frame: &Frame) -> Self {
-        let (channels, clip) = (usize::from(frame.channels), frame.max_value());
-        let (min, max) = (u16::MAX, 0);
-        let (rows, values, sum, clipped, differences, compared) = (0, 0, 0, 0, 0, 0);
-        Self { channels, clip, rows, values, min, max, sum, clipped, differences, compared }
-    }
-
-    fn row(&mut self, row: &[u16]) -> Result<(), FrameError> {
-        let (mut min, mut max) = (self.min, self.max);
-        // 32 bits hold the sum of 65,536 values, and pieces of that size stay in the cache.
-        for piece in row.chunks(1 << 15) {
-            let (mut sum, mut clipped) = (0_u32, 0_u32);
-            for &value in piece {
-                min = min.min(value);
-                max = max.max(value);
-                sum += u32::from(value);
-                clipped += u32::from(value >= self.clip);
-            }
-            self.sum += u64::from(sum);
-            self.clipped += u64::from(clipped);
-        }
-        (self.min, self.max) = (min, max);
-        if self.rows.is_multiple_of(FOCUS_STEP) {
-            // Brenner et al. 1976: squared differences of pixels two apart, of the same colour.
-            let apart = 2 * self.channels;
-            for (a, b) in row.iter().zip(row.iter().skip(apart)) {
-                let difference = u64::from(a.abs_diff(*b));
-                self.differences += difference * difference;
-            }
-            self.compared += row.len().saturating_sub(apart) as u64;
-        }
-        self.rows += 1;
-        self.values += row.len();
-        if max > self.clip {
-            let within = row.iter().position(|&v| v > self.clip).unwrap_or(0);
-            let index = self.values - row.len() + within;
-            return Err(FrameError::Value { max: self.clip, index, value: row[within] });
-        }
-        Ok(())
-    }
-
-    fn stats(&self) -> FrameStats {
-        let n = self.values.max(1) as f64;
-        let mean = self.sum as f64 / n;
-        let focus = self.differences as f64 / self.compared.max(1) as f64 / (mean * mean);
-        FrameStats {
-            min: self.min.min(self.max),
-            max: self.max,
-            mean,
-            clipped_share: self.clipped as f64 / n,
-            // A frame of zeros has no contrast.
-            focus: if focus.is_finite() { focus } else { 0.0 },
-        }
-    }
+    Ok(Encoded { blake3: file.hash.finalize().to_hex().to_string(), survey })
 }
 
 /// Chunks of a PNG on their way out.
@@ -307,7 +222,7 @@ mod tests {
             let frame = frame(width, height, channels);
             let path = folder.path().join(format!("{i}.png"));
             let mut bytes = Vec::new();
-            let encoded = encode_frame(&frame, &metadata(), &mut bytes).unwrap();
+            let encoded = encode_frame(&frame, &metadata(), None, &mut bytes).unwrap();
             std::fs::write(&path, &bytes).unwrap();
             assert_eq!(encoded.blake3, blake3::hash(&bytes).to_hex().to_string());
             let (back, about) = read_frame(&path).unwrap();
@@ -316,34 +231,10 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_surveyed_as_its_definition_says() {
-        let frame = frame(50, 9, 3);
-        let stats = frame.stats();
-        let mean = frame.data.iter().map(|&v| f64::from(v)).sum::<f64>() / 1350.0;
-        let mut focus = 0.0;
-        for row in [0_usize, 4, 8] {
-            for column in 0..48 {
-                for channel in 0..3 {
-                    let at = |column| f64::from(frame.data[(row * 50 + column) * 3 + channel]);
-                    focus += (at(column + 2) - at(column)).powi(2);
-                }
-            }
-        }
-        focus /= f64::from(3 * 48 * 3) * mean * mean;
-        // Rounding of some thousand additions in double precision.
-        assert!((stats.mean - mean).abs() < 1e-9 && (stats.focus / focus - 1.0).abs() < 1e-12);
-        assert_eq!(stats.max, *frame.data.iter().max().unwrap());
-        assert_eq!(stats.min, 0);
-        let mut clipped = frame.clone();
-        clipped.data[..27].fill(4095);
-        assert_eq!(clipped.stats().clipped_share, 0.02);
-    }
-
-    #[test]
     fn values_that_no_camera_gives_are_refused_by_place() {
         let mut frame = frame(50, 9, 3);
         frame.data[751] = 4096;
-        let error = encode_frame(&frame, &metadata(), &mut Vec::new()).err().unwrap();
+        let error = encode_frame(&frame, &metadata(), None, &mut Vec::new()).err().unwrap();
         assert!(
             matches!(
                 error,

@@ -74,6 +74,18 @@ pub struct FrameStats {
     /// frames of one thing in one light; 0 in journals from before it was measured.
     #[serde(default)]
     pub focus: f64,
+    /// The reference patch alone, where the rig has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patch: Option<PatchStats>,
+}
+
+/// What the reference patch looks like in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PatchStats {
+    /// Mean digital number.
+    pub mean: f64,
+    /// As in [`FrameStats`].
+    pub focus: f64,
 }
 
 /// A frame that cannot be used.
@@ -181,7 +193,7 @@ pub fn write_frame(
 ) -> Result<(), FrameError> {
     let mut unfinished = Unfinished::begin(path, overwrite)?;
     let failed = |e| encode::named(e, path);
-    encode_frame(frame, metadata, unfinished.file()).map_err(failed)?;
+    encode_frame(frame, metadata, None, unfinished.file()).map_err(failed)?;
     Ok(unfinished.finish()?)
 }
 

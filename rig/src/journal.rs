@@ -14,7 +14,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use crate::FrameStats;
+use crate::{FrameStats, Readback, Warning};
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +26,15 @@ pub enum Event {
         version: String,
         /// Frames that the plan asks for.
         frames: usize,
+        /// BLAKE3 of the plan as JSON; empty in journals from before it was noted.
+        #[serde(default)]
+        plan: String,
+        /// The camera.
+        #[serde(default)]
+        camera: String,
+        /// The projector.
+        #[serde(default)]
+        projector: String,
     },
     /// A frame is on disk.
     FrameWritten {
@@ -42,10 +51,23 @@ pub enum Event {
         /// BLAKE3 over target, pattern and exposure asked for: tells a frame that was taken
         /// under other settings.
         settings: String,
+        /// Exposure time that was asked for, seconds.
+        #[serde(default)]
+        requested_s: Option<f64>,
         /// Exposure time that the camera says it used, seconds.
         exposure_s: f64,
-        /// The frame in four numbers.
+        /// What the camera said of itself then.
+        #[serde(default)]
+        device: Readback,
+        /// The frame in a few numbers.
         stats: FrameStats,
+    },
+    /// A frame that was kept is doubtful.
+    Warned {
+        /// Name of the shot.
+        shot: String,
+        /// What about it.
+        warning: Warning,
     },
     /// Anything worth telling: a retry, a damaged frame, a torn line.
     Note {

@@ -16,7 +16,7 @@ mod plan;
 mod render;
 mod rig_file;
 mod runner;
-mod writer;
+mod survey;
 
 pub use acquisition::{
     Acquisition, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT, ProjectorMethod,
@@ -27,7 +27,9 @@ pub use device::{
     Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Readback,
     Rig, Target,
 };
-pub use frame::{Frame, FrameError, FrameMetadata, FrameStats, read_frame, write_frame};
+pub use frame::{
+    Frame, FrameError, FrameMetadata, FrameStats, PatchStats, read_frame, write_frame,
+};
 pub use held::HeldBoard;
 pub use journal::{Entry, Event, Journal, JournalError, Recorded, StopStatus, read_journal};
 pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
@@ -37,4 +39,8 @@ pub use rig_file::{
     Address, AxisConfig, CameraConfig, ControlConfig, DisplayConfig, GrblAxisConfig, Letter,
     ProjectorConfig, RigFile, RigFileError, SimulatedDevices, StageConfig, Unit, ZaberAxisConfig,
 };
-pub use runner::{Outcome, Progress, RunError, RunOptions, Step, frame_path, run, set_aside};
+pub use runner::{
+    Outcome, Progress, ReferencePatch, RunError, RunOptions, Step, Warning, frame_path, free_bytes,
+    run, set_aside,
+};
+pub use survey::PixelRect;

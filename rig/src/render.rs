@@ -1,6 +1,6 @@
 //! Patterns in the projector's pixels.
 
-use crate::{Axis, Chessboard, Pattern};
+use crate::{Axis, Chessboard, Pattern, PixelRect};
 
 /// Where a projector pixel falls on the lit face.
 ///
@@ -18,6 +18,19 @@ pub struct ProjectorImage {
     pub height: u32,
     /// `width · height` levels, row by row; 255 is projector white.
     pub data: Vec<u8>,
+}
+
+impl ProjectorImage {
+    /// Sets the part of a rectangle that lies in the picture to one level.
+    pub fn paint(&mut self, rect: PixelRect, level: u8) {
+        let columns = rect.x0.min(self.width) as usize..rect.x1.min(self.width) as usize;
+        let rows = self.data.chunks_mut(self.width.max(1) as usize);
+        for row in rows.take(rect.y1 as usize).skip(rect.y0 as usize) {
+            if let Some(part) = row.get_mut(columns.clone()) {
+                part.fill(level);
+            }
+        }
+    }
 }
 
 /// Samples along each edge of a pixel that an edge of the pattern runs through.

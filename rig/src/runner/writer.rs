@@ -11,9 +11,10 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 
 use material::{FileError, Overwrite, Unfinished};
 
+use super::watch::{Warning, Watch};
+use super::{Outcome, ReferencePatch, RunError, append, frame_path};
 use crate::encode::{Encoded, encode_frame, named};
-use crate::runner::append;
-use crate::{Event, Frame, FrameMetadata, Journal, Outcome, RunError, frame_path};
+use crate::{Event, Frame, FrameMetadata, Journal, Readback};
 
 /// Frames that wait before each thread: one, so that neither idles while the other is done.
 const WAITING: usize = 1;
@@ -24,19 +25,25 @@ pub(crate) struct Taken {
     pub metadata: FrameMetadata,
     /// Tells it from frames taken under other settings.
     pub settings: String,
+    /// Shortest and longest exposure of its shot, seconds.
+    pub bracket_s: [f64; 2],
+    /// What the camera said of itself.
+    pub device: Readback,
 }
 
 /// A file that has not reached the disk yet, and its line in the journal.
 struct Written {
     file: Unfinished,
     event: Event,
+    warnings: Vec<Warning>,
 }
 
 /// The other end of a [`with_writer`]: takes frames, and tells of each when it is on disk, in the
-/// order in which they were sent. Either end is closed once writing has failed.
+/// order in which they were sent, and what is doubtful about it. Either end is closed once writing
+/// has failed.
 pub(crate) struct ToDisk {
     pub frames: SyncSender<Taken>,
-    pub written: Receiver<()>,
+    pub written: Receiver<Vec<Warning>>,
 }
 
 /// Runs `take`, and writes what it sends; returns when all of it is on disk.
@@ -46,13 +53,14 @@ pub(crate) struct ToDisk {
 pub(crate) fn with_writer(
     session: &Path,
     journal: &Mutex<Journal>,
+    patch: Option<ReferencePatch>,
     take: impl FnOnce(ToDisk) -> Result<Outcome, RunError>,
 ) -> Result<Outcome, RunError> {
     std::thread::scope(|scope| {
         let (frames, taken) = sync_channel(WAITING);
         let (to_disk, unsynced) = sync_channel(WAITING);
         let (done, written) = channel();
-        let encoder = scope.spawn(move || encode_all(session, &taken, &to_disk));
+        let encoder = scope.spawn(move || encode_all(session, patch, &taken, &to_disk));
         let syncer = scope.spawn(move || sync_all(journal, &unsynced, &done));
         let outcome = take(ToDisk { frames, written });
         let ended = |thread: std::thread::ScopedJoinHandle<'_, Result<(), RunError>>| {
@@ -65,10 +73,13 @@ pub(crate) fn with_writer(
 
 fn encode_all(
     session: &Path,
+    patch: Option<ReferencePatch>,
     taken: &Receiver<Taken>,
     to_sync: &SyncSender<Written>,
 ) -> Result<(), RunError> {
-    for Taken { frame, metadata, settings } in taken {
+    let patch = patch.map(|patch| patch.camera_px);
+    let mut watch = Watch::default();
+    for Taken { frame, metadata, settings, bracket_s, device } in taken {
         let shot = metadata.shot.clone();
         let name = frame_path(&shot, metadata.exposure_index, metadata.repeat);
         let path = session.join(&name);
@@ -77,8 +88,9 @@ fn encode_all(
             std::fs::create_dir_all(folder).map_err(failed)?;
         }
         let mut file = Unfinished::begin(&path, Overwrite::Refuse)?;
-        let Encoded { blake3, stats } = encode_frame(&frame, &metadata, file.file())
+        let Encoded { blake3, survey } = encode_frame(&frame, &metadata, patch, file.file())
             .map_err(|e| RunError::Frame { shot: shot.clone(), source: named(e, &path) })?;
+        let warnings = watch.see(&metadata, &survey, bracket_s);
         let event = Event::FrameWritten {
             shot,
             exposure_index: metadata.exposure_index,
@@ -86,10 +98,12 @@ fn encode_all(
             file: name,
             blake3,
             settings,
+            requested_s: Some(metadata.requested_s),
             exposure_s: frame.exposure_s,
-            stats,
+            device,
+            stats: survey.stats(),
         };
-        if to_sync.send(Written { file, event }).is_err() {
+        if to_sync.send(Written { file, event, warnings }).is_err() {
             // The other thread has failed, and says why.
             break;
         }
@@ -100,13 +114,20 @@ fn encode_all(
 fn sync_all(
     journal: &Mutex<Journal>,
     written: &Receiver<Written>,
-    done: &Sender<()>,
+    done: &Sender<Vec<Warning>>,
 ) -> Result<(), RunError> {
-    for Written { file, event } in written {
+    for Written { file, event, warnings } in written {
+        let shot = match &event {
+            Event::FrameWritten { shot, .. } => shot.clone(),
+            _ => String::new(),
+        };
         file.finish()?;
         append(journal, event)?;
+        for warning in &warnings {
+            append(journal, Event::Warned { shot: shot.clone(), warning: warning.clone() })?;
+        }
         // Nobody listens any more where the run itself has failed; the frame is there all the same.
-        let _ = done.send(());
+        let _ = done.send(warnings);
     }
     Ok(())
 }

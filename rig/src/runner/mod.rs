@@ -1,5 +1,8 @@
 //! Carries a plan out so that it can stop at any moment and go on later.
 
+mod watch;
+mod writer;
+
 use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,15 +10,26 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use material::{FileError, hash_file};
+use serde::{Deserialize, Serialize};
 
-use crate::writer::{Taken, ToDisk, with_writer};
+use writer::{Taken, ToDisk, with_writer};
+
+pub use watch::Warning;
+
 use crate::{
-    DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal, JournalError, Plan,
-    PlanError, ProjectorImage, Rig, Shot, StopStatus, Target,
+    CameraInfo, DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal,
+    JournalError, PixelRect, Plan, PlanError, ProjectorImage, Readback, Rig, Shot, StopStatus,
+    Target,
 };
 
 /// Attempts at one request before a transient failure counts as a lasting one.
 const ATTEMPTS: u32 = 4;
+/// Attempts where a device is gone: half a minute, with the usual wait, to push a plug back in.
+const RECONNECTIONS: u32 = 8;
+/// Between two looks at whether a wait is still wanted.
+const BLINK: Duration = Duration::from_millis(50);
+/// Space that is left free, bytes: for the journal, and for the file system's own needs.
+const RESERVE: u64 = 64 << 20;
 
 /// Frames between camera and journal: one in the hands of each thread, one waiting for each.
 const MOST_ON_THE_WAY: usize = 4;
@@ -27,8 +41,44 @@ pub struct RunOptions<'a> {
     pub stop: &'a AtomicBool,
     /// Where projector pixels fall on the lit face; needed for patterns on the face.
     pub face_map: Option<FaceMap<'a>>,
+    /// What tells of a drifting lamp or lens, if the rig has it.
+    pub patch: Option<ReferencePatch>,
     /// Wait before a request is repeated; doubled each time.
     pub retry_wait: Duration,
+    /// The longest that a run waits for space on the disk.
+    pub space_wait: Duration,
+    /// Bytes that the session's disk takes, where that is known: [`free_bytes`].
+    pub free_bytes: &'a dyn Fn(&Path) -> Option<u64>,
+}
+
+impl<'a> RunOptions<'a> {
+    /// What a person at a rig expects; patterns on the face are not possible yet.
+    pub fn new(stop: &'a AtomicBool) -> Self {
+        Self {
+            stop,
+            face_map: None,
+            patch: None,
+            retry_wait: Duration::from_millis(200),
+            space_wait: Duration::from_secs(600),
+            free_bytes: &free_bytes,
+        }
+    }
+}
+
+/// Bytes that the disk of a folder takes, or `None` where the system does not tell.
+pub fn free_bytes(folder: &Path) -> Option<u64> {
+    fs4::available_space(folder).ok()
+}
+
+/// A white patch beside the sample, that the projector lights in every picture of the sample and
+/// the camera sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReferencePatch {
+    /// What the projector lights.
+    pub projector_px: PixelRect,
+    /// Where the camera sees it, and nothing else.
+    pub camera_px: PixelRect,
 }
 
 /// A frame is there, or something is tried again.
@@ -47,7 +97,7 @@ pub struct Progress<'a> {
 }
 
 /// What happened to a frame.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// Something is being put on the bench for the shot; the request of a person, where the bench
     /// has no hands of its own.
@@ -58,6 +108,15 @@ pub enum Step {
     Taken,
     /// Not yet: what was wrong, in words; it is tried again.
     Retried(String),
+    /// It is there, and doubtful.
+    Warned(Warning),
+    /// Nothing is taken until there is space on the disk: bytes that are free, and that it needs.
+    Waiting {
+        /// Bytes that the disk still takes.
+        free: u64,
+        /// Bytes that the coming frame and what is on its way need.
+        needed: u64,
+    },
 }
 
 /// How a run that did not fail ended.
@@ -98,6 +157,20 @@ pub enum RunError {
         shot: String,
         /// What the device did.
         source: DeviceError,
+    },
+    /// The disk is full but for a reserve, and nobody made room.
+    #[error(
+        "shot {shot:?}: {:.1} MB are free on the disk, the next frames need {:.1} MB",
+        *free as f64 / 1e6,
+        *needed as f64 / 1e6
+    )]
+    NoSpace {
+        /// The shot.
+        shot: String,
+        /// Bytes that the disk still takes.
+        free: u64,
+        /// Bytes that are needed.
+        needed: u64,
     },
     /// A pattern on the face, but nobody knows where the face is.
     #[error("shot {0:?}: its pattern lies on the lit face, which needs a calibrated projector")]
@@ -153,14 +226,21 @@ pub fn run(
     // Later lines replace earlier ones: a frame that was taken again.
     let known: HashMap<String, (String, String)> = known.collect();
     let total = plan.shots.iter().map(Shot::frames).sum();
-    journal.append(Event::Started { version: env!("CARGO_PKG_VERSION").into(), frames: total })?;
+    journal.append(Event::Started {
+        version: env!("CARGO_PKG_VERSION").into(),
+        frames: total,
+        plan: blake3::hash(&serde_json::to_vec(plan).unwrap_or_default()).to_hex().to_string(),
+        camera: rig.camera.info().name,
+        projector: rig.projector.info().name,
+    })?;
 
     let journal = Mutex::new(journal);
-    let result = with_writer(session, &journal, |to_disk| {
+    let result = with_writer(session, &journal, options.patch, |to_disk| {
         let journal = &journal;
         let on_the_way = VecDeque::new();
         let known = &known;
-        Run { rig, session, options, journal, to_disk, on_the_way, progress, total, known }
+        let image = None;
+        Run { rig, session, options, journal, to_disk, on_the_way, progress, total, known, image }
             .all(plan)
     });
     let (status, reason) = match &result {
@@ -211,6 +291,8 @@ struct Run<'a, 'p> {
     progress: &'a mut (dyn FnMut(Progress<'_>) + 'p),
     total: usize,
     known: &'a HashMap<String, (String, String)>,
+    /// What the projector shows.
+    image: Option<ProjectorImage>,
 }
 
 impl Run<'_, '_> {
@@ -248,13 +330,17 @@ impl Run<'_, '_> {
                                 continue;
                             }
                             self.tell(&outcome, &shot.name, Step::Placing(shot.target), None);
-                            let place = |rig: &mut Rig| rig.bench.place(&shot.target);
+                            let place = |rig: &mut Rig, _| rig.bench.place(&shot.target);
                             self.persist(shot, &outcome, place)?;
                             placed = Some(shot.target);
                         }
                         if !shown {
                             self.show(shot, &outcome)?;
                             shown = true;
+                        }
+                        if !self.has_space(shot, &outcome)? {
+                            outcome.missing += 1;
+                            continue;
                         }
                         if !self.take(shot, exposure_index, repeat, &outcome)? {
                             return Ok(outcome);
@@ -286,16 +372,19 @@ impl Run<'_, '_> {
     fn settle(&mut self, outcome: &mut Outcome, most: usize) -> bool {
         while !self.on_the_way.is_empty() {
             let written = &self.to_disk.written;
-            if self.on_the_way.len() > most {
-                if written.recv().is_err() {
-                    return false;
-                }
-            } else if written.try_recv().is_err() {
-                return true;
-            }
+            let warnings = if self.on_the_way.len() > most {
+                let Ok(warnings) = written.recv() else { return false };
+                warnings
+            } else {
+                let Ok(warnings) = written.try_recv() else { return true };
+                warnings
+            };
             if let Some((shot, left_s)) = self.on_the_way.pop_front() {
                 outcome.taken += 1;
                 self.tell(outcome, &shot, Step::Taken, Some(left_s));
+                for warning in warnings {
+                    self.tell(outcome, &shot, Step::Warned(warning), Some(left_s));
+                }
             }
         }
         true
@@ -337,11 +426,18 @@ impl Run<'_, '_> {
 
     fn show(&mut self, shot: &Shot, outcome: &Outcome) -> Result<(), RunError> {
         let info = self.rig.projector.info();
-        let image: ProjectorImage = shot
+        let mut image: ProjectorImage = shot
             .pattern
             .render(info.width, info.height, self.options.face_map)
             .ok_or_else(|| RunError::NoFaceMap(shot.name.clone()))?;
-        self.persist(shot, outcome, |rig| rig.projector.show(&image))
+        if shot.target == Target::Sample
+            && let Some(patch) = self.options.patch
+        {
+            image.paint(patch.projector_px, u8::MAX);
+        }
+        self.persist(shot, outcome, |rig, _| rig.projector.show(&image))?;
+        self.image = Some(image);
+        Ok(())
     }
 
     /// Exposes a frame and hands it on; false if frames are no longer written, which has an error
@@ -354,7 +450,19 @@ impl Run<'_, '_> {
         outcome: &Outcome,
     ) -> Result<bool, RunError> {
         let requested_s = shot.exposures_s[exposure_index];
-        let frame: Frame = self.persist(shot, outcome, |rig| rig.camera.expose(requested_s))?;
+        let image = self.image.take();
+        let taken = self.persist(shot, outcome, |rig, again| {
+            // Whatever went wrong may have taken the picture off the wall.
+            if let Some(image) = image.as_ref().filter(|_| again) {
+                rig.projector.show(image)?;
+            }
+            let frame = rig.camera.expose(requested_s)?;
+            check(&frame, &rig.camera.info())?;
+            rig.projector.still_shows()?;
+            Ok((frame, rig.camera.readback()?))
+        });
+        self.image = image;
+        let (frame, device): (Frame, Readback) = taken?;
         let metadata = FrameMetadata {
             shot: shot.name.clone(),
             purpose: shot.purpose,
@@ -369,35 +477,104 @@ impl Run<'_, '_> {
             projector: self.rig.projector.info().name,
         };
         let settings = settings(shot, exposure_index);
-        let taken = Taken { frame, metadata, settings };
+        let shortest = shot.exposures_s.iter().copied().fold(f64::INFINITY, f64::min);
+        let longest = shot.exposures_s.iter().copied().fold(0.0, f64::max);
+        let taken = Taken { frame, metadata, settings, bracket_s: [shortest, longest], device };
         Ok(self.to_disk.frames.send(taken).is_ok())
     }
 
-    /// Asks a device, and asks again where the failure may pass.
+    /// Waits until the disk takes another frame and all that are on their way; false if the run is
+    /// asked to stop meanwhile.
+    fn has_space(&mut self, shot: &Shot, outcome: &Outcome) -> Result<bool, RunError> {
+        let info = self.rig.camera.info();
+        let frame_bytes = u64::from(info.width) * u64::from(info.height) * 2;
+        let frames = self.on_the_way.len() as u64 + 1;
+        let needed = frame_bytes * u64::from(info.channels) * frames + RESERVE;
+        let began = Instant::now();
+        let mut told = None;
+        loop {
+            let free = (self.options.free_bytes)(self.session).unwrap_or(u64::MAX);
+            if free >= needed {
+                return Ok(true);
+            }
+            if told.is_none() {
+                let text = format!("{free} bytes are free, {needed} are needed: waiting for space");
+                append(self.journal, Event::Note { text })?;
+            }
+            // Now and then: the amount tells whoever makes room how far they are.
+            if told != Some(free) {
+                self.tell(outcome, &shot.name, Step::Waiting { free, needed }, None);
+                told = Some(free);
+            }
+            if self.options.stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            if began.elapsed() >= self.options.space_wait {
+                return Err(RunError::NoSpace { shot: shot.name.clone(), free, needed });
+            }
+            std::thread::sleep(BLINK);
+        }
+    }
+
+    /// Asks a device, and asks again where the failure may pass; the request is told whether it is
+    /// a repetition.
     fn persist<T>(
         &mut self,
         shot: &Shot,
         outcome: &Outcome,
-        mut request: impl FnMut(&mut Rig) -> Result<T, DeviceError>,
+        mut request: impl FnMut(&mut Rig, bool) -> Result<T, DeviceError>,
     ) -> Result<T, RunError> {
         let mut wait = self.options.retry_wait;
         let mut attempt = 0;
         loop {
             attempt += 1;
-            let source = match request(self.rig) {
+            let source = match request(self.rig, attempt > 1) {
                 Ok(value) => return Ok(value),
                 Err(error) => error,
             };
-            if attempt >= ATTEMPTS || !source.kind().is_transient() {
+            let attempts = match source.kind() {
+                kind if kind.is_transient() => ATTEMPTS,
+                kind if kind.is_gone() => RECONNECTIONS,
+                _ => 1,
+            };
+            if attempt >= attempts || self.options.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Device { shot: shot.name.clone(), source });
             }
             let text = format!("shot {:?}, attempt {attempt}: {source}", shot.name);
             append(self.journal, Event::Note { text: text.clone() })?;
             self.tell(outcome, &shot.name, Step::Retried(text), None);
-            std::thread::sleep(wait);
+            let until = Instant::now() + wait;
+            while Instant::now() < until && !self.options.stop.load(Ordering::Relaxed) {
+                std::thread::sleep(BLINK.min(until.saturating_duration_since(Instant::now())));
+            }
             wait *= 2;
         }
     }
+}
+
+/// Whether a frame can be one of that camera's.
+fn check(frame: &Frame, camera: &CameraInfo) -> Result<(), DeviceError> {
+    let &Frame { width, height, channels, bit_depth, exposure_s, .. } = frame;
+    let right = (width, height, channels, bit_depth)
+        == (camera.width, camera.height, camera.channels, camera.bit_depth)
+        && frame.check_shape().is_ok()
+        && exposure_s.is_finite()
+        && exposure_s > 0.0;
+    if right {
+        return Ok(());
+    }
+    let about = |width, height, channels, bits| {
+        format!("{width} × {height} pixels of {channels} × {bits} bits")
+    };
+    Err(DeviceError::BadFrame {
+        device: camera.name.clone(),
+        expected: about(camera.width, camera.height, camera.channels, camera.bit_depth),
+        found: format!(
+            "{}, {} values, exposed for {exposure_s} s",
+            about(width, height, channels, bit_depth),
+            frame.data.len()
+        ),
+    })
 }
 
 /// Appends to a journal that several threads write.
