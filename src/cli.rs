@@ -6,9 +6,12 @@ use crate::commands::{
     solve, status, verify,
 };
 use crate::output::Done;
+use ::rig::devices::Parking;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 /// Turns a block of marble, wax, jade or skin phantom into a material that a renderer can use.
 #[derive(Parser)]
@@ -23,7 +26,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Make a session on the simulated rig
+    /// Make a session: on the simulated rig, or with --rig on one of devices
     Init(init::Args),
     /// Check this machine, and a session if one is named
     Doctor(doctor::Args),
@@ -60,6 +63,12 @@ enum Command {
 /// Set by Ctrl-C; long work ends at the next good place.
 pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 
+/// What a second Ctrl-C puts away before the program ends.
+pub(crate) static PARK: Mutex<Option<Parking>> = Mutex::new(None);
+
+/// For the way to one parking place.
+const PARKING: Duration = Duration::from_secs(180);
+
 /// Runs the command that the arguments ask for.
 pub fn main() -> ExitCode {
     let json = std::env::args().any(|a| a == "--json");
@@ -80,10 +89,18 @@ pub fn main() -> ExitCode {
     };
     // Without a handler Ctrl-C still works: it just ends the program at once.
     let _ = ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+        if !STOP.swap(true, Ordering::Relaxed) {
+            eprintln!("stopping at the next good place; once more to stop now");
+            return;
         }
-        eprintln!("stopping at the next good place; once more to stop now");
+        let parking = PARK.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(parking) = parking {
+            eprintln!("putting the devices away");
+            for error in parking.park(PARKING) {
+                eprintln!("error: {error}");
+            }
+        }
+        std::process::exit(130);
     });
     match run(cli.command) {
         Ok(done) => {

@@ -3,6 +3,7 @@
 mod average;
 pub mod cli;
 mod commands;
+mod devices;
 mod exposures;
 mod failure;
 mod manifest;
@@ -13,6 +14,7 @@ mod report;
 mod sensor;
 mod session;
 mod steps;
+mod technician;
 mod wheel;
 
 pub use failure::Failure;

@@ -76,6 +76,14 @@ impl Progress {
         }
     }
 
+    /// A line that stays, above the bar.
+    pub fn say(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+
     /// Ends the bar with a last word.
     pub fn finish(self, message: &str) {
         if let Some(bar) = self.bar {

@@ -83,6 +83,15 @@ pub(crate) enum RigConfig {
         #[serde(default, skip_serializing_if = "is_plain")]
         imperfections: Imperfections,
     },
+    /// The devices that the session's `rig.toml` names.
+    Devices {
+        /// The camera, as it described itself when the session was made.
+        camera: rig::CameraInfo,
+        /// The printed chessboard.
+        board: calibration::Board,
+        /// The camera's noise figures; `diaphane calibrate noise` measures better ones.
+        noise: calibration::NoiseModel,
+    },
     /// Pictures that were taken elsewhere; there is nothing to capture.
     Imported,
 }
@@ -118,6 +127,9 @@ pub(crate) struct PlanConfig {
     /// Grey levels that the projector's response is measured at.
     #[serde(default = "default_ramp_levels")]
     pub ramp_levels: usize,
+    /// A white patch beside the sample that tells of a drifting lamp or lens.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_patch: Option<rig::ReferencePatch>,
 }
 
 /// Those of sessions from before codes could be shown.
@@ -143,6 +155,7 @@ impl Default for PlanConfig {
             projector_method: ProjectorMethod::default(),
             projector_px: default_projector_px(),
             ramp_levels: default_ramp_levels(),
+            reference_patch: None,
         }
     }
 }
@@ -190,9 +203,25 @@ impl Config {
                 shown.columns, shown.rows
             ));
         }
-        if let RigConfig::Simulated { board, imperfections, .. } = &self.rig {
-            imperfections.check().map_err(|e| format!("rig.imperfections.{e}"))?;
-            board.check().map_err(|e| format!("rig.{e}"))?;
+        match &self.rig {
+            RigConfig::Simulated { board, imperfections, .. } => {
+                imperfections.check().map_err(|e| format!("rig.imperfections.{e}"))?;
+                board.check().map_err(|e| format!("rig.{e}"))?;
+            }
+            RigConfig::Devices { board, camera, .. } => {
+                board.check().map_err(|e| format!("rig.{e}"))?;
+                let good = camera.width > 0
+                    && camera.height > 0
+                    && matches!(camera.channels, 1 | 3)
+                    && (8..=16).contains(&camera.bit_depth);
+                if !good {
+                    return Err(format!(
+                        "rig.camera: at least a pixel, 1 or 3 channels, 8 to 16 bits; found {} x {}, {} and {}",
+                        camera.width, camera.height, camera.channels, camera.bit_depth
+                    ));
+                }
+            }
+            RigConfig::Imported => {}
         }
         Ok(())
     }
@@ -344,7 +373,15 @@ impl Session {
                 let lit_face = self.config.sample.lit_face;
                 Ok(Some(SimulatedRig::with(sample, lit_face, imperfections)?))
             }
-            RigConfig::Imported => Ok(None),
+            RigConfig::Devices { .. } | RigConfig::Imported => Ok(None),
         }
+    }
+
+    /// Where the pictures of this session would come from, had they not been imported.
+    pub fn nothing_to_capture(&self) -> Failure {
+        Failure::input(format!(
+            "{}: the pictures of this session were imported; there is nothing to capture",
+            self.folder().display()
+        ))
     }
 }

@@ -66,7 +66,7 @@ pub(crate) fn steps(session: &Session) -> Result<Vec<Step>, Failure> {
         RigConfig::Imported => {
             out.push(file("measurement", ARRAYS, "import SESSION --images DIR --manifest m.toml"));
         }
-        RigConfig::Simulated { .. } => {
+        RigConfig::Simulated { .. } | RigConfig::Devices { .. } => {
             let acquisition = session.acquisition();
             let pictures = |name, plan: &Plan, words: &str| -> Result<Step, Failure> {
                 plan.check()?;

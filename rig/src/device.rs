@@ -168,6 +168,23 @@ pub enum Target {
     Flat,
 }
 
+impl Target {
+    /// The kind of place that it is put to, by the name that a rig file has for it.
+    pub fn place(&self) -> &'static str {
+        match self {
+            Self::Sample => "sample",
+            Self::FaceBoard { face: Face::Front }
+            | Self::FaceSheet { face: Face::Front }
+            | Self::Chart => "front-plane",
+            Self::FaceBoard { face: Face::Back } | Self::FaceSheet { face: Face::Back } => {
+                "back-plane"
+            }
+            Self::Board { .. } | Self::Sheet { .. } => "held",
+            Self::Dark | Self::Flat => "away",
+        }
+    }
+}
+
 impl std::fmt::Display for Target {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let plane = |face: &Face| match face {

@@ -36,8 +36,9 @@ pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
 pub use plan::{Plan, PlanError, PlanSummary, PlanWarning, Purpose, Shot};
 pub use render::{FaceMap, ProjectorImage};
 pub use rig_file::{
-    Address, AxisConfig, CameraConfig, ControlConfig, DisplayConfig, GrblAxisConfig, Letter,
-    ProjectorConfig, RigFile, RigFileError, SimulatedDevices, StageConfig, Unit, ZaberAxisConfig,
+    Address, AxisConfig, CameraConfig, ControlConfig, DisplayConfig, GrblAxisConfig, HandsConfig,
+    Letter, PlaceConfig, PlaceTarget, ProjectorConfig, RigFile, RigFileError, SimulatedDevices,
+    StageConfig, Unit, ZaberAxisConfig,
 };
 pub use runner::{
     Outcome, Progress, ReferencePatch, RunError, RunOptions, Step, Warning, frame_path, free_bytes,

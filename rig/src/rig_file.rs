@@ -1,8 +1,10 @@
 //! The rig file: which devices a rig consists of, where they are, and how far they may go.
 
+mod assemble;
 mod check;
 mod open;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -68,6 +70,80 @@ pub struct RigFile {
     pub projector: ProjectorConfig,
     /// What moves things.
     pub stage: Option<StageConfig>,
+    /// Who puts things on the bench.
+    #[serde(default)]
+    pub hands: HandsConfig,
+    /// Where the stage goes for each kind of target; where nothing is said, it stays.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub places: Vec<PlaceConfig>,
+}
+
+/// `[hands]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum HandsConfig {
+    /// Whoever sits at the terminal is asked.
+    Person {},
+    /// Those of the simulated rig.
+    Simulated {},
+    /// A program that is called with the target as JSON and returns 0 when it is in place.
+    Program {
+        /// Its path.
+        program: String,
+        /// The longest that it may take, seconds.
+        #[serde(default = "hands_limit_s")]
+        limit_s: f64,
+    },
+}
+
+impl Default for HandsConfig {
+    fn default() -> Self {
+        Self::Person {}
+    }
+}
+
+/// `[[places]]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlaceConfig {
+    /// Of which targets.
+    pub target: PlaceTarget,
+    /// Where each axis goes, by name, in the axis's unit. Axes that are not named stay.
+    pub at: BTreeMap<String, f64>,
+}
+
+/// Targets that belong to one place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PlaceTarget {
+    /// The block.
+    Sample,
+    /// Board, sheet and chart in the plane of its front face.
+    FrontPlane,
+    /// Board and sheet in the plane of its back face.
+    BackPlane,
+    /// Boards in free poses.
+    Held,
+    /// Nothing before the camera, or a panel.
+    Away,
+}
+
+impl PlaceTarget {
+    /// Its name, as [`crate::Target::place`] gives it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sample => "sample",
+            Self::FrontPlane => "front-plane",
+            Self::BackPlane => "back-plane",
+            Self::Held => "held",
+            Self::Away => "away",
+        }
+    }
+}
+
+/// Time for somebody to walk over.
+fn hands_limit_s() -> f64 {
+    600.0
 }
 
 /// `[camera]`.

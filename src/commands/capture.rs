@@ -3,12 +3,12 @@
 use crate::Failure;
 use crate::cli::STOP;
 use crate::commands::calibrate;
+use crate::devices;
 use crate::output::{Done, Progress};
 use crate::session::Session;
 use rig::{Outcome, Plan, Rig, RunOptions, Step};
 use serde_json::json;
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// Take the pictures that are missing: first those for the calibration, then, once that is
 /// solved, those of the sample
@@ -27,13 +27,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
-    let Some(simulated) = session.simulated()? else {
-        return Err(Failure::input(format!(
-            "{}: the pictures of this session were imported; there is nothing to capture",
-            session.folder().display()
-        )));
-    };
-    let mut rig = simulated.rig();
+    let mut rig = devices::open(&session)?;
     if args.light || args.noise {
         return extra(&session, &mut rig, args.light);
     }
@@ -103,17 +97,14 @@ fn shoot(
         Some([x / width, y / height])
     };
     let options = RunOptions {
-        stop: &STOP,
         face_map: on_face.then_some(&to_face as _),
-        retry_wait: Duration::from_millis(200),
+        patch: session.config.plan.reference_patch,
+        ..RunOptions::new(&STOP)
     };
     let frames = plan.summary(&rig.camera.info()).frames;
     let mut progress = Progress::new(label, frames);
     let outcome = rig::run(plan, rig, session.folder(), options, &mut |p| {
-        if let Step::Retried(why) = &p.step {
-            eprintln!("{}: {why}; trying again", p.shot);
-        }
-        progress.set(p.done, p.shot);
+        tell(&mut progress, &p);
     })?;
     if outcome.missing > 0 {
         let error = format!("interrupted: {} of {} frames are missing", outcome.missing, frames);
@@ -122,4 +113,19 @@ fn shoot(
     }
     progress.finish(&format!("{} frames taken, {} were there", outcome.taken, outcome.kept));
     Ok(outcome)
+}
+
+/// What happened, to whoever watches.
+pub(crate) fn tell(progress: &mut Progress, p: &rig::Progress<'_>) {
+    match &p.step {
+        Step::Retried(why) => progress.say(&format!("{}: {why}; trying again", p.shot)),
+        Step::Warned(warning) => progress.say(&format!("WARNING: {}: {warning}", p.shot)),
+        Step::Waiting { free, needed } => progress.say(&format!(
+            "waiting for space on the disk: {:.0} MB are free, {:.0} MB are needed; make room, or end with Ctrl-C",
+            *free as f64 / 1e6,
+            *needed as f64 / 1e6
+        )),
+        Step::Placing(_) | Step::Kept | Step::Taken => {}
+    }
+    progress.set(p.done, p.shot);
 }

@@ -219,7 +219,7 @@ fn files(session: &Session) -> Vec<Check> {
         "session.toml",
         format!("{} readable", session.path("session.toml").display()),
     )];
-    if matches!(session.config.rig, RigConfig::Simulated { .. }) {
+    if !matches!(session.config.rig, RigConfig::Imported) {
         out.push(frames(session));
     }
     let mut check = |name, file: &str, command: &str, read: &dyn Fn() -> Result<(), Failure>| {
@@ -240,7 +240,7 @@ fn files(session: &Session) -> Vec<Check> {
     };
     let measure = match session.config.rig {
         RigConfig::Imported => "diaphane import SESSION --images DIR --manifest m.toml",
-        RigConfig::Simulated { .. } => {
+        RigConfig::Simulated { .. } | RigConfig::Devices { .. } => {
             check("calibration", calibrate::RESULT, "diaphane calibrate all SESSION", &|| {
                 calibrate::load(session).map(drop)
             });

@@ -1,4 +1,6 @@
-//! `diaphane init`: a session on the simulated rig.
+//! `diaphane init`: a session on the simulated rig, or on one of devices.
+
+mod devices;
 
 use crate::Failure;
 use crate::output::Done;
@@ -11,16 +13,19 @@ use serde_json::json;
 use simulator::{Imperfections, SampleKind, SampleSpec, SimulatedRig};
 use std::path::PathBuf;
 
-/// Make a session on the simulated rig
+/// Make a session: on the simulated rig, or with --rig on one of devices
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax"
+    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax\n  \
+    diaphane init my-marble --rig rig.toml --size 80x80x12 --cells 160x160x24 --board 9x6 --square 10"
 )]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
     #[command(flatten)]
-    rig: SimulatedArgs,
+    simulated: SimulatedArgs,
+    #[command(flatten)]
+    devices: devices::Args,
     /// A session on the same rig whose calibrate light found a colour wheel: all exposures become
     /// whole turns of it
     #[arg(long, value_name = "SESSION")]
@@ -102,11 +107,18 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let mut config = simulated_config(&args.rig)?;
+    let rig_file = args.devices.rig.as_deref();
+    let mut config = match rig_file {
+        None => simulated_config(&args.simulated)?,
+        Some(path) => devices::config(path, &args.devices, &args.session, args.simulated.lit)?,
+    };
     if let Some(other) = &args.light {
         wheel::of_session(other)?.set(&mut config.plan);
     }
     let session = Session::create(&args.session, config, overwrite)?;
+    if let Some(path) = rig_file {
+        devices::copy(path, &session, overwrite)?;
+    }
     let folder = session.folder().display();
     let [nx, ny, nz] = session.config.sample.grid.cells();
     let [w, h, d] = session.config.sample.grid.size_mm();

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::output::Done;
-use crate::session::Session;
+use crate::session::{RigConfig, Session};
 use rig::{CameraInfo, Plan};
 use serde_json::json;
 use std::path::PathBuf;
@@ -18,14 +18,13 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let acquisition = session.acquisition();
-    let camera = match session.simulated()? {
-        Some(simulated) => simulated.rig().camera.info(),
-        None => {
-            return Err(Failure::input(format!(
-                "{}: the pictures of this session were imported; there is nothing to capture",
-                session.folder().display()
-            )));
-        }
+    let camera = match &session.config.rig {
+        RigConfig::Simulated { .. } => match session.simulated()? {
+            Some(simulated) => simulated.rig().camera.info(),
+            None => return Err(session.nothing_to_capture()),
+        },
+        RigConfig::Devices { camera, .. } => camera.clone(),
+        RigConfig::Imported => return Err(session.nothing_to_capture()),
     };
     let turn_s = session.wheel.as_ref().map(|known| known.wheel.turn_s);
     let mut text = String::new();

@@ -244,7 +244,7 @@ fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenanc
     let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let seed = match &session.config.rig {
         crate::session::RigConfig::Simulated { sample, .. } => Some(sample.seed),
-        crate::session::RigConfig::Imported => None,
+        _ => None,
     };
     let settings = BTreeMap::from([
         ("method".to_owned(), format!("{:?}", settings.method)),

@@ -7,8 +7,10 @@
 
 pub mod benq;
 mod connection;
+pub(crate) mod controlled;
 pub mod epson;
 pub mod grbl;
+pub(crate) mod hands;
 mod link;
 pub mod optoma;
 mod parsers;
@@ -25,8 +27,10 @@ pub mod zaber;
 
 pub use benq::Benq;
 pub use connection::Connection;
+pub use controlled::Parking;
 pub use epson::Epson;
 pub use grbl::Grbl;
+pub use hands::HandsProgram;
 pub use link::{Link, Patience};
 pub use optoma::Optoma;
 pub use parsers::{Parser, parsers};

@@ -46,6 +46,15 @@ impl RigFile {
         if let Some(stage) = &self.stage {
             check_stage(stage)?;
         }
+        if let super::HandsConfig::Program { program, limit_s } = &self.hands {
+            if program.trim().is_empty() {
+                return wrong("hands.program", "a program", "nothing");
+            }
+            if !(*limit_s >= 1.0 && *limit_s <= 86_400.0) {
+                return wrong("hands.limit_s", "1 to 86400", limit_s);
+            }
+        }
+        check_places(self)?;
         match (self.projector.control.as_ref(), self.stage.as_ref()) {
             (Some(control), Some(stage))
                 if control.address().is_some() && control.address() == stage.address() =>
@@ -55,6 +64,28 @@ impl RigFile {
             _ => Ok(()),
         }
     }
+}
+
+fn check_places(file: &RigFile) -> Result<(), Problem> {
+    let axes = file.stage.as_ref().map(StageConfig::axes).unwrap_or_default();
+    for (i, place) in file.places.iter().enumerate() {
+        let key = |name: &str| format!("places[{i}].{name}");
+        if file.places.iter().take(i).any(|other| other.target == place.target) {
+            return wrong(key("target"), "each target once", place.target.name());
+        }
+        for (name, value) in &place.at {
+            let Some(axis) = axes.iter().find(|axis| axis.name == *name) else {
+                let names: Vec<_> = axes.iter().map(|axis| axis.name.as_str()).collect();
+                let there = format!("an axis of [stage] ({})", names.join(", "));
+                return wrong(key("at"), there, format!("{name:?}"));
+            };
+            let (from, to) = axis.range.ends();
+            if !(from.value()..=to.value()).contains(value) {
+                return wrong(key(&format!("at.{name}")), format!("from {from} to {to}"), value);
+            }
+        }
+    }
+    Ok(())
 }
 
 fn check_control(control: &ControlConfig) -> Result<(), Problem> {

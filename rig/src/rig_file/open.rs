@@ -7,7 +7,7 @@ use crate::devices::zaber::ZaberAxis;
 use crate::devices::{
     Benq, Epson, Grbl, Optoma, Patience, Pjlink, ProjectorControl, Stage, StageAxis, Zaber,
 };
-use crate::{Camera, DeviceError, Projector};
+use crate::{Bench, Camera, DeviceError, Projector};
 
 /// Where a device is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -39,6 +39,11 @@ pub trait SimulatedDevices {
     /// # Errors
     /// There is none.
     fn display(&self) -> Result<Box<dyn Projector>, DeviceError>;
+    /// Hands that put things on the bench.
+    ///
+    /// # Errors
+    /// There are none.
+    fn bench(&self) -> Result<Box<dyn Bench>, DeviceError>;
     /// A projector's remote control.
     fn control(&self) -> Box<dyn ProjectorControl>;
     /// A stage with these axes.

@@ -7,6 +7,7 @@ use super::guide;
 use super::options::verdict_text;
 use crate::Failure;
 use crate::cli::STOP;
+use crate::devices;
 use crate::output::{Done, Progress};
 use crate::report::calibration_page;
 use crate::sensor::Sensor;
@@ -109,9 +110,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     session.refuse_existing(RESULT, overwrite)?;
-    let complaints = match session.simulated()? {
-        Some(simulated) => guide::take(&session, &mut simulated.rig())?,
-        None => Vec::new(),
+    let complaints = match session.config.rig {
+        RigConfig::Imported => Vec::new(),
+        _ => guide::take(&session, &mut devices::open(&session)?)?,
     };
     let found = solve(&session, overwrite)?;
     let (camera, projector) = (&found.geometry.camera, found.projector()?);
@@ -167,7 +168,9 @@ fn with_more_views(session: &Session, verdict: &Verdict) -> String {
 /// The parts of the rig's description that a calibration needs.
 pub(crate) fn described(session: &Session) -> Result<(Board, NoiseModel), Failure> {
     match &session.config.rig {
-        RigConfig::Simulated { board, noise, .. } => Ok((*board, *noise)),
+        RigConfig::Simulated { board, noise, .. } | RigConfig::Devices { board, noise, .. } => {
+            Ok((*board, *noise))
+        }
         RigConfig::Imported => Err(Failure::input(format!(
             "{}: the pictures of this session were imported; there is nothing to calibrate",
             session.folder().display()

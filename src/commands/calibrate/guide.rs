@@ -12,7 +12,6 @@ use material::Face;
 use rig::{Pattern, Plan, Purpose, Rig, RunOptions, Shot, Step, Target};
 use std::io::{BufRead, IsTerminal};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// Light squares clipped beyond this share move their corners.
 const MOST_CLIPPED: f64 = 0.1;
@@ -31,8 +30,7 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
     let mut complaints = Vec::new();
     loop {
         let stop = AtomicBool::new(false);
-        let options =
-            RunOptions { stop: &stop, face_map: None, retry_wait: Duration::from_millis(200) };
+        let options = RunOptions::new(&stop);
         let mut bad: Option<(&Shot, String)> = None;
         let mut broken = None;
         let outcome = rig::run(&plan, rig, session.folder(), options, &mut |p| {
@@ -46,6 +44,10 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
                     eprintln!("[{number}/{}] place {target}", placements.len());
                 }
                 (Step::Retried(why), _) => eprintln!("{}: {why}; trying again", p.shot),
+                (Step::Warned(warning), _) => eprintln!("WARNING: {}: {warning}", p.shot),
+                (Step::Waiting { free, needed }, _) => eprintln!(
+                    "waiting for space on the disk: {free} bytes are free, {needed} are needed"
+                ),
                 (Step::Taken, Some(shot)) if is_last(&plan, shot, p.done) => {
                     match look(session, shot, &board) {
                         Ok(Ok(word)) => eprintln!("  {:14} {word}", shot.name),

@@ -160,13 +160,13 @@ fn ask(file: &RigFile) -> Vec<Device> {
         None => {}
     }
     if let Some(config) = &file.projector.control {
-        let mut projector = config.open(&Simulated);
+        let mut projector = config.open(&Simulated::default());
         let answer =
             projector.power_state().and_then(|power| Ok(format!("{}, {power}", projector.name()?)));
         devices.push(Device::new("projector control", config.driver(), config.address(), answer));
     }
     if let Some(config) = &file.stage {
-        let mut stage = config.open(&Simulated);
+        let mut stage = config.open(&Simulated::default());
         let names: Vec<String> = stage.axes().iter().map(|axis| axis.name.clone()).collect();
         let places: Result<Vec<String>, DeviceError> = names
             .iter()

@@ -6,13 +6,10 @@ mod rest;
 mod test;
 
 use crate::Failure;
+use crate::devices::Simulated;
 use crate::output::Done;
-use ::rig::devices::{ProjectorControl, Stage, StageAxis};
-use ::rig::{Camera, DeviceError, Projector, Rig, RigFileError, SimulatedDevices};
+use ::rig::RigFileError;
 use clap::Subcommand;
-use material::Face;
-use simulator::devices::{ProjectorSpec, SimulatedProjector, SimulatedStage};
-use simulator::{SampleKind, SampleSpec, SimulatedRig};
 use std::path::Path;
 
 #[derive(Subcommand)]
@@ -40,36 +37,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 fn nothing(path: &Path, what: &str) -> Failure {
     Failure::input(format!("{}: there is {what}", path.display()))
         .hint("docs/devices.md has examples")
-}
-
-/// Of a simulated stage, mm or degrees a second: about that of a small real one.
-const SPEED: f64 = 20.0;
-
-/// The devices that a rig file calls simulated.
-struct Simulated;
-
-impl SimulatedDevices for Simulated {
-    fn camera(&self) -> Result<Box<dyn Camera>, DeviceError> {
-        Ok(simulated_rig()?.camera)
-    }
-
-    fn display(&self) -> Result<Box<dyn Projector>, DeviceError> {
-        Ok(simulated_rig()?.projector)
-    }
-
-    fn control(&self) -> Box<dyn ProjectorControl> {
-        Box::new(SimulatedProjector::new(ProjectorSpec::default()))
-    }
-
-    fn stage(&self, axes: Vec<StageAxis>) -> Box<dyn Stage> {
-        Box::new(SimulatedStage::new(axes, SPEED))
-    }
-}
-
-/// Around the block of the demo.
-fn simulated_rig() -> Result<Rig, DeviceError> {
-    let sample = SampleSpec { kind: SampleKind::Wax, seed: 1 };
-    Ok(SimulatedRig::new(&sample, Face::Back)?.rig())
 }
 
 impl From<RigFileError> for Failure {

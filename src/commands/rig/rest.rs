@@ -43,13 +43,13 @@ pub(super) fn park(args: &Park) -> Result<Done, Failure> {
     let mut done = Vec::new();
     // The stage first: it is the one that stands in the way.
     if let Some(config) = &file.stage {
-        let mut stage = config.open(&Simulated);
+        let mut stage = config.open(&Simulated::default());
         let homed = if args.home { stage.home(MOVE) } else { Ok(()) };
         homed.and_then(|()| stage.park(MOVE)).map_err(|error| failure(error, config.address()))?;
         done.push("stage");
     }
     if let Some(config) = &file.projector.control {
-        let mut projector = config.open(&Simulated);
+        let mut projector = config.open(&Simulated::default());
         let mut progress = Progress::new("projector", 0);
         power_off(projector.as_mut(), COOLING, &mut |state: PowerState, _| {
             progress.set(0, &state.to_string());
@@ -70,7 +70,7 @@ pub(super) fn halt(args: &Halt) -> Result<Done, Failure> {
     let Some(config) = &file.stage else {
         return Err(nothing(&args.rig, "no [stage] to halt"));
     };
-    let mut stage = config.open(&Simulated);
+    let mut stage = config.open(&Simulated::default());
     stage.halt().map_err(|error| failure(error, config.address()))?;
     let text = format!("{}: halted; it may have to be homed", stage.name());
     Ok(Done::new(json!({ "halted": stage.name() }), text))

@@ -117,7 +117,7 @@ fn what_helps(
 }
 
 fn test_control(config: &ControlConfig, args: &Args) -> Tested {
-    let mut projector = config.open(&Simulated);
+    let mut projector = config.open(&Simulated::default());
     let mut checks = Vec::new();
     let mut advice = None;
     if args.power {
@@ -145,7 +145,7 @@ fn switch_on(projector: &mut dyn ProjectorControl, limit: Duration) -> Result<()
 
 fn move_stage(config: &StageConfig, args: &Args) -> Tested {
     let (part, driver) = ("stage", config.driver());
-    let mut stage = config.open(&Simulated);
+    let mut stage = config.open(&Simulated::default());
     let mut checks = Vec::new();
     for (name, wanted) in [("unlock", args.unlock), ("home", args.home)] {
         if !wanted {
