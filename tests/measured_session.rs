@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::diaphane;
+use common::{diaphane, tiny_session};
 use serde_json::Value;
 use std::path::Path;
 
@@ -18,30 +18,10 @@ fn step(arguments: &[&str]) -> (Value, String) {
 
 /// A session with a colour wheel, a linear camera, and no more pictures than this needs.
 fn init(session: &str) {
-    step(&["init", session, "--seed", "3"]);
-    let file = Path::new(session).join("session.toml");
-    let mut text = std::fs::read_to_string(&file).unwrap();
-    for (key, value) in [
-        ("board_poses", "6"),
-        ("ramp_levels", "5"),
-        ("regions", "[1, 1]"),
-        ("bracket_s", "[0.05, 0.4, 3.0]"),
-        ("reference_bracket_s", "[0.0333334, 0.5]"),
-        ("response_bracket_s", "[0.0333334, 0.05, 0.11, 0.25, 0.6, 1.7]"),
-    ] {
-        let start = text.find(&format!("\n{key} = ")).unwrap() + 1;
-        let rest = &text[start..];
-        let end = start
-            + rest
-                .find(if rest[..rest.find('\n').unwrap()].ends_with('[') { "]\n" } else { "\n" })
-                .unwrap();
-        let end = if text[end..].starts_with(']') { end + 1 } else { end };
-        text.replace_range(start..end, &format!("{key} = {value}"));
-    }
-    text += &format!(
+    let imperfections = format!(
         "\n[rig.imperfections]\ncamera_response = \"linear\"\nwheel = {{ turn_s = {TURN_S} }}\n"
     );
-    std::fs::write(file, text).unwrap();
+    tiny_session(session, &[], &imperfections);
 }
 
 fn exposures(plan: &Value, part: usize) -> Vec<f64> {

@@ -50,6 +50,9 @@ pub struct Unfinished {
 }
 
 impl Unfinished {
+    /// How the names of temporary files begin.
+    pub const PREFIX: &str = ".part-";
+
     /// Opens a temporary file beside `path`.
     ///
     /// # Errors
@@ -61,7 +64,7 @@ impl Unfinished {
             return Err(FileError::Exists { path: path.into() });
         }
         let mut builder = tempfile::Builder::new();
-        builder.prefix(".part-");
+        builder.prefix(Self::PREFIX);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;

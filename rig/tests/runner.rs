@@ -76,23 +76,52 @@ fn a_finished_run_repeated_touches_nothing() {
     assert_eq!(scene.placements.load(Ordering::Relaxed), 0);
 }
 
+/// Killed between a frame's name and its line: the frame is there, and says what it is.
 #[test]
-fn a_frame_whose_line_is_torn_is_taken_again() {
+fn a_frame_whose_line_is_torn_is_known_by_what_it_says_of_itself() {
     let folder = tempfile::tempdir().unwrap();
     go(&mut fake().0, &plan(), folder.path(), None).unwrap();
     let journal = folder.path().join("journal.jsonl");
     let text = std::fs::read_to_string(&journal).unwrap();
     // Up to the middle of the line about the last frame.
     let last = text.rfind("frame-written").unwrap();
-    std::fs::write(&journal, &text[..last]).unwrap();
+    let cut = || std::fs::write(&journal, &text[..last]).unwrap();
+    cut();
+    // What a killed run had begun.
+    let unfinished = folder.path().join("frames/region-01/.part-abc");
+    std::fs::write(&unfinished, "half a fr").unwrap();
     let again = go(&mut fake().0, &plan(), folder.path(), None).unwrap();
-    assert_eq!(again, Outcome { taken: 1, kept: FRAMES - 1, missing: 0 });
-    // The file that nobody vouches for is still there, under another name.
-    let mut found = files(folder.path());
-    assert!(found.remove("region-04-e0-r0.png.set-aside-1").is_some());
-    assert_eq!(found, reference());
+    assert_eq!(again, Outcome { taken: 0, kept: FRAMES, missing: 0 });
+    assert!(!unfinished.exists());
+    assert_eq!(files(folder.path()), reference());
     let notes = events(folder.path()).into_iter().filter(|e| matches!(e, Event::Note { .. }));
     assert_eq!(notes.count(), 2);
+    // From then on the journal knows it.
+    let last_frame = |events: Vec<Event>| {
+        events.into_iter().rev().find(|event| matches!(event, Event::FrameWritten { .. }))
+    };
+    let whole = tempfile::tempdir().unwrap();
+    go(&mut fake().0, &plan(), whole.path(), None).unwrap();
+    assert_eq!(last_frame(events(folder.path())), last_frame(events(whole.path())));
+
+    // Under a plan that asks for something else it is nobody's.
+    cut();
+    let mut changed = plan();
+    changed.shots[3].pattern = Pattern::region(2, 2, 2);
+    let again = go(&mut fake().0, &changed, folder.path(), None).unwrap();
+    assert_eq!(again, Outcome { taken: 1, kept: FRAMES - 1, missing: 0 });
+    let mut found = files(folder.path());
+    let aside = found.remove("region-04-e0-r0.png.set-aside-1").unwrap();
+    assert_eq!(aside, reference()["region-04-e0-r0.png"]);
+    // Nor is one that is damaged.
+    cut();
+    let path = folder.path().join("frames/region-04/region-04-e0-r0.png");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() - 40;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    let again = go(&mut fake().0, &changed, folder.path(), None).unwrap();
+    assert_eq!(again, Outcome { taken: 1, kept: FRAMES - 1, missing: 0 });
 }
 
 #[test]

@@ -25,7 +25,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     simulated: SimulatedArgs,
     #[command(flatten)]
-    devices: devices::Args,
+    devices: devices::DeviceArgs,
     /// A session on the same rig whose calibrate light found a colour wheel: all exposures become
     /// whole turns of it
     #[arg(long, value_name = "SESSION")]

@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::process::Command;
 
 /// What a run gave back.
+#[allow(dead_code, reason = "each test looks at what it needs")]
 pub struct Run {
     /// Exit code.
     pub code: i32,
@@ -24,4 +25,28 @@ pub fn diaphane<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Run {
         json: serde_json::from_slice(&out.stdout).unwrap_or_default(),
         stderr,
     }
+}
+
+/// Makes a session of few pictures on the simulated rig: one region, three exposures, six poses,
+/// with other keys of `[plan]` and more at the end of its file.
+#[allow(dead_code, reason = "not every test needs a session")]
+pub fn tiny_session(session: &str, keys: &[(&str, &str)], more: &str) {
+    let made = diaphane(["init", session, "--seed", "3"]);
+    assert_eq!(made.code, 0, "{}", made.stderr);
+    let file = std::path::Path::new(session).join("session.toml");
+    let mut text = std::fs::read_to_string(&file).unwrap();
+    let small = [
+        ("board_poses", "6"),
+        ("ramp_levels", "5"),
+        ("regions", "[1, 1]"),
+        ("bracket_s", "[0.05, 0.4, 3.0]"),
+        ("reference_bracket_s", "[0.0333334, 0.5]"),
+        ("response_bracket_s", "[0.0333334, 0.05, 0.11, 0.25, 0.6, 1.7]"),
+    ];
+    for (key, value) in small.iter().chain(keys) {
+        let start = text.find(&format!("\n{key} = ")).unwrap() + 1;
+        let end = start + text[start..].find('\n').unwrap();
+        text.replace_range(start..end, &format!("{key} = {value}"));
+    }
+    std::fs::write(file, text + more).unwrap();
 }

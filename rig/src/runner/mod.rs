@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use material::{FileError, hash_file};
+use material::{FileError, Unfinished, hash_file};
 use serde::{Deserialize, Serialize};
 
 use writer::{Taken, ToDisk, with_writer};
@@ -19,7 +19,7 @@ pub use watch::Warning;
 use crate::{
     CameraInfo, DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal,
     JournalError, PixelRect, Plan, PlanError, ProjectorImage, Readback, Rig, Shot, StopStatus,
-    Target,
+    Target, read_frame,
 };
 
 /// Attempts at one request before a transient failure counts as a lasting one.
@@ -195,9 +195,9 @@ pub fn frame_path(shot: &str, exposure_index: usize, repeat: u32) -> String {
 /// Takes every frame of `plan` that `session` does not hold yet.
 ///
 /// Frames go to `session/frames`, and `session/journal.jsonl` says what happened. A frame
-/// counts as there when its file still hashes to what the journal says; one that does not,
-/// or that the journal does not know, is moved aside (`….png.set-aside-1`) and taken again.
-/// So a run that was stopped, or whose machine lost power, is simply repeated.
+/// counts as there when its file still hashes to what the journal says, or when the journal does
+/// not know it and it says of itself that it is what the plan asks for: a run was killed between
+/// the two. Any other is moved aside (`….png.set-aside-1`) and taken again. So a run that was stopped, or whose machine lost power, is simply repeated.
 ///
 /// While a frame is written the next ones are taken; all of them are on disk, or the run has
 /// failed, when this returns.
@@ -234,6 +234,11 @@ pub fn run(
         projector: rig.projector.info().name,
     })?;
 
+    // What a run that was killed had in its hands. The journal is locked: nobody else is writing.
+    for shot in &plan.shots {
+        remove_unfinished(&session.join("frames").join(&shot.name))?;
+    }
+
     let journal = Mutex::new(journal);
     let result = with_writer(session, &journal, options.patch, |to_disk| {
         let journal = &journal;
@@ -265,6 +270,19 @@ pub fn set_aside(session: &Path, shot: &Shot) -> Result<(), FileError> {
     for exposure in 0..shot.exposures_s.len() {
         for repeat in 0..shot.repeats {
             move_aside(&session.join(frame_path(&shot.name, exposure, repeat)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes what [`material::Unfinished`] left in a folder when its program was killed.
+fn remove_unfinished(folder: &Path) -> Result<(), FileError> {
+    let Ok(files) = std::fs::read_dir(folder) else { return Ok(()) };
+    for path in files.filter_map(|file| Some(file.ok()?.path())) {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+        if name.is_some_and(|name| name.starts_with(Unfinished::PREFIX)) {
+            let failed = |source| FileError::Io { path: path.clone(), action: "remove", source };
+            std::fs::remove_file(&path).map_err(failed)?;
         }
     }
     Ok(())
@@ -415,13 +433,72 @@ impl Run<'_, '_> {
         let why = match known {
             Some((hash, _)) if *hash == found => return Ok(true),
             Some(_) => "has changed since it was taken",
-            None => "is not in the journal",
+            None if self.adopt(shot, exposure_index, repeat, &path, found)? => return Ok(true),
+            None => "is not in the journal, and not what the plan asks for",
         };
         if let Some(name) = move_aside(&path)? {
             let text = format!("{file} {why}: moved to {name} and taken again");
             append(self.journal, Event::Note { text })?;
         }
         Ok(false)
+    }
+
+    /// Takes a frame that the journal does not know for what it says it is, if that is what the plan
+    /// asks for: a run that was killed may have named its file and not come to write the line. A
+    /// file gets its name when it is whole on the disk, and checksums cover all of it.
+    fn adopt(
+        &mut self,
+        shot: &Shot,
+        exposure_index: usize,
+        repeat: u32,
+        path: &Path,
+        blake3: String,
+    ) -> Result<bool, RunError> {
+        let Ok((frame, about)) = read_frame(path) else { return Ok(false) };
+        let expected = FrameMetadata {
+            exposure_s: about.exposure_s,
+            bit_depth: about.bit_depth,
+            ..self.metadata(shot, exposure_index, repeat)
+        };
+        if about != expected {
+            return Ok(false);
+        }
+        let file = frame_path(&shot.name, exposure_index, repeat);
+        let text = format!("{file} was whole on the disk, though no line said so");
+        append(self.journal, Event::Note { text })?;
+        let event = Event::FrameWritten {
+            shot: shot.name.clone(),
+            exposure_index,
+            repeat,
+            file,
+            blake3,
+            settings: settings(shot, exposure_index),
+            requested_s: Some(about.requested_s),
+            exposure_s: about.exposure_s,
+            device: Readback::default(),
+            stats: frame.stats(),
+        };
+        append(self.journal, event)?;
+        Ok(true)
+    }
+
+    /// All that is known of a frame before it is taken.
+    fn metadata(&self, shot: &Shot, exposure_index: usize, repeat: u32) -> FrameMetadata {
+        let camera = self.rig.camera.info();
+        let requested_s = shot.exposures_s[exposure_index];
+        FrameMetadata {
+            shot: shot.name.clone(),
+            purpose: shot.purpose,
+            target: shot.target,
+            pattern: shot.pattern.clone(),
+            exposure_index,
+            repeat,
+            requested_s,
+            exposure_s: requested_s,
+            bit_depth: camera.bit_depth,
+            camera: camera.name,
+            projector: self.rig.projector.info().name,
+        }
     }
 
     fn show(&mut self, shot: &Shot, outcome: &Outcome) -> Result<(), RunError> {
@@ -464,17 +541,8 @@ impl Run<'_, '_> {
         self.image = image;
         let (frame, device): (Frame, Readback) = taken?;
         let metadata = FrameMetadata {
-            shot: shot.name.clone(),
-            purpose: shot.purpose,
-            target: shot.target,
-            pattern: shot.pattern.clone(),
-            exposure_index,
-            repeat,
-            requested_s,
             exposure_s: frame.exposure_s,
-            bit_depth: frame.bit_depth,
-            camera: self.rig.camera.info().name,
-            projector: self.rig.projector.info().name,
+            ..self.metadata(shot, exposure_index, repeat)
         };
         let settings = settings(shot, exposure_index);
         let shortest = shot.exposures_s.iter().copied().fold(f64::INFINITY, f64::min);

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct DeviceArgs {
     /// The rig's devices: a rig file; a copy of it goes into the session
     #[arg(
         long,
@@ -48,7 +48,7 @@ fn three<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
 /// The configuration of a rig of devices; asks camera and projector for their sizes.
 pub(super) fn config(
     path: &Path,
-    args: &Args,
+    args: &DeviceArgs,
     session: &Path,
     lit: LitFace,
 ) -> Result<Config, Failure> {
