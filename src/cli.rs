@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::commands::{
-    calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report, rig,
-    solve, status, verify,
+    branch, calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report,
+    rig, solve, status, verify,
 };
 use crate::output::Done;
 use ::rig::devices::Parking;
@@ -37,6 +37,8 @@ enum Command {
     Plan(plan::Args),
     /// Take the pictures that are missing
     Capture(capture::Args),
+    /// Go on in another folder with a plan that was changed in the middle
+    Branch(branch::Args),
     /// Find out where camera and projector are and what their codes mean
     #[command(subcommand)]
     Calibrate(calibrate::Args),
@@ -132,6 +134,7 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Rig(args) => rig::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Capture(args) => capture::run(&args),
+        Command::Branch(args) => branch::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Merge(args) => merge::run(&args),

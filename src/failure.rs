@@ -132,6 +132,11 @@ impl From<rig::RunError> for Failure {
         match error {
             rig::RunError::Device { .. } => Self::other(error)
                 .hint("mend the device and run the same command again: nothing is lost"),
+            rig::RunError::OtherSettings { .. } => Self::input(error).hint(
+                "put the old values back into session.toml, or go on with the new ones in a session of their own: diaphane branch SESSION NEW",
+            ),
+            rig::RunError::NoSpace { .. } => Self::other(error)
+                .hint("make room and run the same command again: nothing is lost"),
             error => Self::input(error),
         }
     }

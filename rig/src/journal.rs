@@ -14,7 +14,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use crate::{FrameStats, Readback, Warning};
+use crate::{FrameStats, Readback, Target, Warning};
 
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,6 +35,13 @@ pub enum Event {
         /// The projector.
         #[serde(default)]
         projector: String,
+    },
+    /// Something was put on the bench.
+    Placed {
+        /// What.
+        target: Target,
+        /// How long that took, seconds.
+        took_s: f64,
     },
     /// A frame is on disk.
     FrameWritten {

@@ -17,6 +17,7 @@ mod render;
 mod rig_file;
 mod runner;
 mod survey;
+mod timing;
 
 pub use acquisition::{
     Acquisition, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT, ProjectorMethod,
@@ -41,7 +42,8 @@ pub use rig_file::{
     StageConfig, Unit, ZaberAxisConfig,
 };
 pub use runner::{
-    Outcome, Progress, ReferencePatch, RunError, RunOptions, Step, Warning, frame_path, free_bytes,
-    run, set_aside,
+    Outcome, Progress, ReferencePatch, RunError, RunOptions, Step, Warning, carry_over, frame_path,
+    free_bytes, run, set_aside,
 };
 pub use survey::PixelRect;
+pub use timing::Timing;

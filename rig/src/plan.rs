@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{CameraInfo, Pattern, PatternError, Target};
+use crate::{CameraInfo, Pattern, PatternError, Target, Timing};
 
 /// Below this, a colour-wheel projector may show less than a whole turn, and a display less
 /// than a whole frame.
@@ -10,10 +10,6 @@ const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
 /// Part of an exposure that may be no whole turn of a colour wheel: so much its brightness can
 /// change at most, less than the merge corrects.
 const MOST_OF_A_TURN: f64 = 0.002;
-/// Reading a frame out, showing the next image and writing the last one, seconds.
-const PER_FRAME_S: f64 = 0.5;
-/// Putting something else on the bench, seconds.
-const PER_PLACEMENT_S: f64 = 60.0;
 
 /// Everything that is to be photographed, in order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -140,9 +136,11 @@ pub struct PlanSummary {
     pub placements: usize,
     /// Sum of all exposure times, seconds.
     pub exposure_s: f64,
-    /// Exposures, half a second more for each frame and a minute for each placement, seconds.
+    /// Time that it should take, seconds.
     pub estimated_s: f64,
-    /// Disk space before compression, which saves some of it.
+    /// Standard deviation of that, seconds.
+    pub spread_s: f64,
+    /// Disk space, but for some hundred bytes a frame.
     pub bytes: u64,
 }
 
@@ -206,8 +204,8 @@ impl Plan {
         self.shots.iter().flat_map(|s| [short(s), partial(s)]).flatten().collect()
     }
 
-    /// How much there is to do, and what it takes.
-    pub fn summary(&self, camera: &CameraInfo) -> PlanSummary {
+    /// How much there is to do, and what it takes on a rig of that timing.
+    pub fn summary(&self, camera: &CameraInfo, timing: &Timing) -> PlanSummary {
         let frames = self.shots.iter().map(Shot::frames).sum();
         let exposure = |s: &Shot| s.exposures_s.iter().sum::<f64>() * f64::from(s.repeats);
         let exposure_s = self.shots.iter().map(exposure).sum();
@@ -216,14 +214,14 @@ impl Plan {
         let frame_bytes = [camera.width, camera.height, u32::from(camera.channels), 2]
             .into_iter()
             .fold(1, |bytes: u64, n| bytes.saturating_mul(u64::from(n)));
+        let [estimated_s, spread_s] = timing.estimate(frames, exposure_s, placements);
         PlanSummary {
             shots: self.shots.len(),
             frames,
             placements,
             exposure_s,
-            estimated_s: exposure_s
-                + frames as f64 * PER_FRAME_S
-                + placements as f64 * PER_PLACEMENT_S,
+            estimated_s,
+            spread_s,
             bytes: (frames as u64).saturating_mul(frame_bytes),
         }
     }

@@ -3,7 +3,7 @@
 use material::Face;
 use rig::{
     Acquisition, CameraInfo, Chessboard, Pattern, PhaseShift, Plan, PlanError, PlanWarning,
-    ProjectorMethod, Purpose, Target, bracket,
+    ProjectorMethod, Purpose, Target, Timing, bracket,
 };
 
 fn standard(lit_face: Face) -> Acquisition {
@@ -71,7 +71,7 @@ fn a_code_takes_the_chessboards_place_in_every_pose() {
     }
     // The sheet stays on the board for all of them: no more placements than for a chessboard.
     let info = CameraInfo { name: "c".into(), width: 8, height: 8, channels: 3, bit_depth: 16 };
-    let placements = |plan: Plan| plan.summary(&info).placements;
+    let placements = |plan: Plan| plan.summary(&info, &Timing::default()).placements;
     assert_eq!(placements(plan), placements(chessboards.calibration_plan()));
     let ramp = codes.ramp();
     assert_eq!((ramp.len(), ramp[0], ramp[51]), (52, 0.0, 1.0));
@@ -100,7 +100,7 @@ fn the_summary_counts_frames_time_and_space() {
     let camera =
         CameraInfo { name: "c".into(), width: 1000, height: 500, channels: 3, bit_depth: 14 };
     let plan = standard(Face::Back).capture_plan();
-    let summary = plan.summary(&camera);
+    let summary = plan.summary(&camera, &Timing::default());
     assert_eq!((summary.shots, summary.frames, summary.placements), (22, 198, 1));
     assert_eq!(summary.bytes, 198 * 3_000_000);
     let bracket_s: f64 = bracket(1.0 / 30.0, 8.0, 9).iter().sum();
@@ -108,7 +108,7 @@ fn the_summary_counts_frames_time_and_space() {
     assert!(summary.estimated_s > summary.exposure_s + 60.0);
     // Board, sheet, board, sheet, ..., two planes, the chart and the white sheet; one frame each
     // of boards and planes, three for the response, two of chart and sheet with light and without.
-    let calibration = standard(Face::Back).calibration_plan().summary(&camera);
+    let calibration = standard(Face::Back).calibration_plan().summary(&camera, &Timing::default());
     assert_eq!((calibration.frames, calibration.placements), (12 + 2 + 3 + 4 * 2, 12 + 2 + 1 + 1));
 }
 

@@ -101,7 +101,7 @@ fn shoot(
         patch: session.config.plan.reference_patch,
         ..RunOptions::new(&STOP)
     };
-    let frames = plan.summary(&rig.camera.info()).frames;
+    let frames = plan.shots.iter().map(rig::Shot::frames).sum();
     let mut progress = Progress::new(label, frames);
     let outcome = rig::run(plan, rig, session.folder(), options, &mut |p| {
         tell(&mut progress, &p);

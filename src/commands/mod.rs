@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+pub(crate) mod branch;
 pub(crate) mod calibrate;
 pub(crate) mod capture;
 pub(crate) mod demo;

@@ -1,18 +1,29 @@
 //! `diaphane plan`: what a capture takes.
 
 use crate::Failure;
+use crate::devices::RIG_FILE;
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
-use rig::{CameraInfo, Plan};
+use rig::{CameraInfo, Plan, RigFile, Timing, free_bytes, read_journal};
 use serde_json::json;
 use std::path::PathBuf;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A lamp that has been off for so long has to settle again, seconds.
+const COLD_S: f64 = 1200.0;
 
 /// Show what a capture takes, without touching hardware
+///
+/// Minutes and their spread are learned from what the session, and those named with --past, took
+/// on this rig so far.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  diaphane plan my-wax")]
+#[command(after_help = "Examples:\n  diaphane plan my-wax\n  diaphane plan next-wax --past my-wax")]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
+    /// Earlier sessions on the same rig
+    #[arg(long, value_name = "SESSION")]
+    past: Vec<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -26,6 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         RigConfig::Devices { camera, .. } => camera.clone(),
         RigConfig::Imported => return Err(session.nothing_to_capture()),
     };
+    let timing = learned(&session, &args.past)?;
     let turn_s = session.wheel.as_ref().map(|known| known.wheel.turn_s);
     let mut text = String::new();
     let mut parts = Vec::new();
@@ -33,8 +45,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         [("calibration", acquisition.calibration_plan()), ("sample", acquisition.capture_plan())]
     {
         plan.check()?;
-        text += &describe(name, &plan, &camera, turn_s);
-        let summary = plan.summary(&camera);
+        text += &describe(name, &plan, &camera, &timing, turn_s);
+        let summary = plan.summary(&camera, &timing);
         let warnings: Vec<String> = plan.warnings(turn_s).iter().map(ToString::to_string).collect();
         parts.push(json!({
             "part": name,
@@ -42,10 +54,16 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             "frames": summary.frames,
             "placements": summary.placements,
             "estimated_s": summary.estimated_s,
+            "spread_s": summary.spread_s,
             "bytes": summary.bytes,
             "exposures_s": plan.shots.iter().map(|s| &s.exposures_s).collect::<Vec<_>>(),
             "warnings": warnings,
         }));
+    }
+    let bytes = parts.iter().filter_map(|part| part["bytes"].as_u64()).sum();
+    let limits = limits(&session, bytes)?;
+    for warning in &limits {
+        text += &format!("warning: {warning}\n");
     }
     if let Some(turn_s) = turn_s {
         text += &format!(
@@ -53,17 +71,69 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             1e3 * turn_s
         );
     }
-    Ok(Done::new(json!({ "parts": parts, "wheel_turn_s": turn_s }), text.trim_end()))
+    Ok(Done::new(
+        json!({ "parts": parts, "wheel_turn_s": turn_s, "timing": timing, "warnings": limits }),
+        text.trim_end(),
+    ))
 }
 
-fn describe(name: &str, plan: &Plan, camera: &CameraInfo, turn_s: Option<f64>) -> String {
-    let s = plan.summary(camera);
+/// How long this rig takes, by the journals of its sessions.
+fn learned(session: &Session, past: &[PathBuf]) -> Result<Timing, Failure> {
+    let folders = std::iter::once(session.folder()).chain(past.iter().map(PathBuf::as_path));
+    let journals: Vec<_> = folders
+        .map(|folder| read_journal(&folder.join("journal.jsonl")))
+        .collect::<Result<_, _>>()?;
+    Ok(Timing::learned(&journals))
+}
+
+/// What the whole session needs and may not have: space on its disk, and a lamp that is warm.
+fn limits(session: &Session, bytes: u64) -> Result<Vec<String>, Failure> {
+    let mut out = Vec::new();
+    if let Some(free) = free_bytes(session.folder()).filter(|free| *free < bytes) {
+        out.push(format!(
+            "the frames need {:.1} GB, the disk has {:.1} GB left: the capture will stop and wait for space",
+            bytes as f64 / 1e9,
+            free as f64 / 1e9
+        ));
+    }
+    if matches!(session.config.rig, RigConfig::Devices { .. }) {
+        let file = RigFile::read(&session.path(RIG_FILE))?;
+        let journal = read_journal(&session.path("journal.jsonl"))?;
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
+        let idle_s = journal.entries.last().map(|entry| now - entry.unix_s);
+        if file.projector.control.is_some() && idle_s.is_none_or(|idle| idle > COLD_S) {
+            let since = idle_s.map_or("no capture so far".to_owned(), |idle| {
+                format!("the last capture ended {:.0} min ago", idle / 60.0)
+            });
+            out.push(format!(
+                "the lamp may be cold ({since}): lamps drift by percents in their first {:.0} minutes; switch it on with diaphane rig test {} --power, and wait",
+                COLD_S / 60.0,
+                session.path(RIG_FILE).display()
+            ));
+        }
+    }
+    Ok(out)
+}
+
+fn describe(
+    name: &str,
+    plan: &Plan,
+    camera: &CameraInfo,
+    timing: &Timing,
+    turn_s: Option<f64>,
+) -> String {
+    let s = plan.summary(camera, timing);
     let mut out = format!(
-        "{name}: {} frames of {} shots, {} placements, about {:.0} min and {:.1} GB on {}\n",
+        "{name}: {} frames of {} shots, {} placements, {:.0} ± {:.0} min ({}) and {:.1} GB on {}\n",
         s.frames,
         s.shots,
         s.placements,
         (s.estimated_s / 60.0).ceil(),
+        (s.spread_s / 60.0).ceil(),
+        match timing.frames {
+            0 => "a guess".to_owned(),
+            n => format!("learned from {n} frames"),
+        },
         s.bytes as f64 / 1e9,
         camera.name
     );

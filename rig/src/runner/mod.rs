@@ -1,5 +1,6 @@
 //! Carries a plan out so that it can stop at any moment and go on later.
 
+mod carry;
 mod watch;
 mod writer;
 
@@ -14,12 +15,13 @@ use serde::{Deserialize, Serialize};
 
 use writer::{Taken, ToDisk, with_writer};
 
+pub use carry::carry_over;
 pub use watch::Warning;
 
 use crate::{
     CameraInfo, DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal,
-    JournalError, PixelRect, Plan, PlanError, ProjectorImage, Readback, Rig, Shot, StopStatus,
-    Target, read_frame,
+    JournalError, PixelRect, Plan, PlanError, ProjectorImage, Readback, Recorded, Rig, Shot,
+    StopStatus, Target, read_frame,
 };
 
 /// Attempts at one request before a transient failure counts as a lasting one.
@@ -219,12 +221,7 @@ pub fn run(
         }
     }
     let (mut journal, recorded) = Journal::open(&session.join("journal.jsonl"))?;
-    let known = recorded.entries.into_iter().filter_map(|entry| match entry.event {
-        Event::FrameWritten { file, blake3, settings, .. } => Some((file, (blake3, settings))),
-        _ => None,
-    });
-    // Later lines replace earlier ones: a frame that was taken again.
-    let known: HashMap<String, (String, String)> = known.collect();
+    let known = frames_by_file(recorded);
     let total = plan.shots.iter().map(Shot::frames).sum();
     journal.append(Event::Started {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -308,7 +305,7 @@ struct Run<'a, 'p> {
     on_the_way: VecDeque<(String, f64)>,
     progress: &'a mut (dyn FnMut(Progress<'_>) + 'p),
     total: usize,
-    known: &'a HashMap<String, (String, String)>,
+    known: &'a HashMap<String, Event>,
     /// What the projector shows.
     image: Option<ProjectorImage>,
 }
@@ -349,7 +346,10 @@ impl Run<'_, '_> {
                             }
                             self.tell(&outcome, &shot.name, Step::Placing(shot.target), None);
                             let place = |rig: &mut Rig, _| rig.bench.place(&shot.target);
+                            let placing = Instant::now();
                             self.persist(shot, &outcome, place)?;
+                            let took_s = placing.elapsed().as_secs_f64();
+                            append(self.journal, Event::Placed { target: shot.target, took_s })?;
                             placed = Some(shot.target);
                         }
                         if !shown {
@@ -422,7 +422,10 @@ impl Run<'_, '_> {
     ) -> Result<bool, RunError> {
         let file = frame_path(&shot.name, exposure_index, repeat);
         let path = self.session.join(&file);
-        let known = self.known.get(&file);
+        let known = match self.known.get(&file) {
+            Some(Event::FrameWritten { blake3, settings, .. }) => Some((blake3, settings)),
+            _ => None,
+        };
         if known.is_some_and(|(_, taken)| *taken != settings(shot, exposure_index)) {
             return Err(RunError::OtherSettings { shot: shot.name.clone(), file });
         }
@@ -643,6 +646,17 @@ fn check(frame: &Frame, camera: &CameraInfo) -> Result<(), DeviceError> {
             frame.data.len()
         ),
     })
+}
+
+/// What a journal says of each frame's file. Later lines replace earlier ones: a frame that was
+/// taken again.
+fn frames_by_file(recorded: Recorded) -> HashMap<String, Event> {
+    let events = recorded.entries.into_iter().map(|entry| entry.event);
+    let frames = events.filter_map(|event| match &event {
+        Event::FrameWritten { file, .. } => Some((file.clone(), event)),
+        _ => None,
+    });
+    frames.collect()
 }
 
 /// Appends to a journal that several threads write.

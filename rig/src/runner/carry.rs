@@ -1,0 +1,61 @@
+//! Frames of one session that serve another as well.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use material::{FileError, Overwrite, Unfinished, hash_file};
+
+use super::{RunError, frames_by_file, settings};
+use crate::{Event, Journal, Plan, frame_path, read_journal};
+
+/// Copies the frames of the session `from` that `plan` asks for, unchanged and taken under the very
+/// settings that it has, to the session `to`, and says so in its journal. Returns how many.
+///
+/// For a plan that was changed in the middle: the new session goes on with what still fits, the
+/// old one stays as it was.
+///
+/// # Errors
+/// A journal that cannot be used, a file that cannot be read or written, or one that is there
+/// already.
+pub fn carry_over(plan: &Plan, from: &Path, to: &Path) -> Result<usize, RunError> {
+    let known = frames_by_file(read_journal(&from.join("journal.jsonl"))?);
+    let (mut journal, there) = Journal::open(&to.join("journal.jsonl"))?;
+    let there = frames_by_file(there);
+    let mut carried = 0;
+    for shot in &plan.shots {
+        for exposure_index in 0..shot.exposures_s.len() {
+            for repeat in 0..shot.repeats {
+                let name = frame_path(&shot.name, exposure_index, repeat);
+                let Some(event @ Event::FrameWritten { blake3, settings: taken, .. }) =
+                    known.get(&name)
+                else {
+                    continue;
+                };
+                let source = from.join(&name);
+                let fits = *taken == settings(shot, exposure_index)
+                    && !there.contains_key(&name)
+                    && source.exists()
+                    && hash_file(&source)? == *blake3;
+                if fits {
+                    copy(&source, &to.join(&name))?;
+                    journal.append(event.clone())?;
+                    carried += 1;
+                }
+            }
+        }
+    }
+    Ok(carried)
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), FileError> {
+    if let Some(folder) = to.parent() {
+        let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    let mut unfinished = Unfinished::begin(to, Overwrite::Refuse)?;
+    let failed = |source| FileError::Io { path: from.into(), action: "copy", source };
+    let mut source = File::open(from).map_err(failed)?;
+    io::copy(&mut source, unfinished.file()).map_err(failed)?;
+    unfinished.finish()
+}

@@ -1,0 +1,75 @@
+//! `diaphane branch`: a changed plan goes on in a session of its own.
+
+use crate::Failure;
+use crate::devices::RIG_FILE;
+use crate::output::Done;
+use crate::session::Session;
+use material::{Overwrite, atomic_write};
+use rig::carry_over;
+use serde_json::json;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Go on in another folder with a plan that was changed in the middle
+///
+/// The new session takes session.toml as it is now, the calibration, and every frame that still
+/// fits. Put the old values back into the old session.toml to go on there.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  diaphane branch my-wax my-wax-longer")]
+pub(crate) struct Args {
+    /// Folder of the session whose session.toml was changed
+    session: PathBuf,
+    /// Folder of the new session
+    branch: PathBuf,
+}
+
+pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
+    let session = Session::open(&args.session)?;
+    let branch = Session::create(&args.branch, session.config.clone(), Overwrite::Refuse)?;
+    let rig_file = session.path(RIG_FILE);
+    if rig_file.is_file() {
+        copy_file(&rig_file, &branch.path(RIG_FILE))?;
+    }
+    let calibration = session.path("calibration");
+    if calibration.is_dir() {
+        copy_folder(&calibration, &branch.path("calibration"))?;
+    }
+    let (old, new) = (session.folder(), branch.folder());
+    // With the calibration in place: a colour wheel may change the exposures.
+    let branch = Session::open(new)?;
+    let acquisition = branch.acquisition();
+    let mut carried = 0;
+    for plan in [
+        acquisition.calibration_plan(),
+        acquisition.light_plan(),
+        acquisition.noise_plan(),
+        acquisition.capture_plan(),
+    ] {
+        plan.check()?;
+        carried += carry_over(&plan, old, new)?;
+    }
+    let text = format!(
+        "{}: {carried} frames of {} still fit\nnext: diaphane capture {}",
+        new.display(),
+        old.display(),
+        new.display()
+    );
+    Ok(Done::new(json!({ "session": new, "carried": carried }), text))
+}
+
+fn copy_folder(from: &Path, to: &Path) -> Result<(), Failure> {
+    let failed = |e: std::io::Error| Failure::other(format!("{}: {e}", from.display()));
+    std::fs::create_dir_all(to).map_err(failed)?;
+    for entry in std::fs::read_dir(from).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let Some(name) = path.file_name().filter(|_| path.is_file()) else { continue };
+        copy_file(&path, &to.join(name))?;
+    }
+    Ok(())
+}
+
+fn copy_file(from: &Path, to: &Path) -> Result<(), Failure> {
+    let bytes = std::fs::read(from)
+        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", from.display())))?;
+    Ok(atomic_write(to, Overwrite::Refuse, |file| file.write_all(&bytes))?)
+}
