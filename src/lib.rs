@@ -1,5 +1,6 @@
 //! The pipeline from a session's frames to a material, and the command line over it.
 
+mod adaptive;
 mod average;
 pub mod cli;
 mod commands;

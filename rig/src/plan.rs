@@ -11,7 +11,7 @@ const SHORTEST_SAFE_S: f64 = 1.0 / 30.0;
 /// change at most, less than the merge corrects.
 const MOST_OF_A_TURN: f64 = 0.002;
 /// Reading a frame out, showing the next image and writing the last one, seconds.
-const PER_FRAME_S: f64 = 0.5;
+pub const PER_FRAME_S: f64 = 0.5;
 /// Putting something else on the bench, seconds.
 const PER_PLACEMENT_S: f64 = 60.0;
 

@@ -3,6 +3,7 @@
 mod devices;
 
 use crate::Failure;
+use crate::adaptive::{Brackets, SchemeName};
 use crate::output::Done;
 use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
 use crate::wheel;
@@ -16,7 +17,7 @@ use std::path::PathBuf;
 /// Make a session: on the simulated rig, or with --rig on one of devices
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax\n  \
+    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax\n  diaphane init quick-wax --brackets adaptive\n  \
     diaphane init my-marble --rig rig.toml --size 80x80x12 --cells 160x160x24 --board 9x6 --square 10"
 )]
 pub(crate) struct Args {
@@ -30,6 +31,12 @@ pub(crate) struct Args {
     /// whole turns of it
     #[arg(long, value_name = "SESSION")]
     light: Option<PathBuf>,
+    /// Exposures of each pattern
+    #[arg(long, value_enum, default_value = "full")]
+    brackets: Brackets,
+    /// How the regions of the lit face are lit
+    #[arg(long, value_enum, default_value = "regions")]
+    scheme: SchemeName,
     /// Replace a session.toml that is there
     #[arg(long)]
     force: bool,
@@ -112,6 +119,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         None => simulated_config(&args.simulated)?,
         Some(path) => devices::config(path, &args.devices, &args.session, args.simulated.lit)?,
     };
+    config.plan.brackets = args.brackets;
+    config.plan.scheme = args.scheme.into();
     if let Some(other) = &args.light {
         wheel::of_session(other)?.set(&mut config.plan);
     }
