@@ -15,6 +15,7 @@ mod report;
 mod sensor;
 mod session;
 mod steps;
+mod study;
 mod technician;
 mod wheel;
 

@@ -62,6 +62,17 @@ pub(crate) enum SampleName {
     Stone,
 }
 
+impl SampleName {
+    /// The simulator's name for it.
+    pub fn kind(self) -> SampleKind {
+        match self {
+            Self::Wax => SampleKind::Wax,
+            Self::Marble => SampleKind::Marble,
+            Self::Stone => SampleKind::Stone,
+        }
+    }
+}
+
 #[derive(Clone, Copy, ValueEnum)]
 pub(crate) enum LitFace {
     Back,
@@ -70,11 +81,7 @@ pub(crate) enum LitFace {
 
 /// The configuration of a simulated rig, as a technician would have entered it.
 pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> {
-    let kind = match args.sample {
-        SampleName::Wax => SampleKind::Wax,
-        SampleName::Marble => SampleKind::Marble,
-        SampleName::Stone => SampleKind::Stone,
-    };
+    let kind = args.sample.kind();
     let lit_face = match args.lit {
         LitFace::Back => Face::Back,
         LitFace::Front => Face::Front,
