@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::commands::{
     branch, calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report,
-    rig, solve, status, verify,
+    rig, solve, status, study, verify,
 };
 use crate::output::Done;
 use ::rig::devices::Parking;
@@ -58,6 +58,9 @@ enum Command {
     Report(report::Args),
     /// Solve the forward problem of a file of coefficients
     Forward(forward::Args),
+    /// What a choice costs and brings, measured on the simulated rig
+    #[command(subcommand)]
+    Study(study::Args),
     /// Acquire a material on the simulated rig, from nothing to a report
     Demo(demo::Args),
 }
@@ -144,6 +147,7 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Forward(args) => forward::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Demo(args) => demo::run(&args),
     }
 }

@@ -1,5 +1,6 @@
 //! The pipeline from a session's frames to a material, and the command line over it.
 
+mod adaptive;
 mod average;
 pub mod cli;
 mod commands;
@@ -14,6 +15,7 @@ mod report;
 mod sensor;
 mod session;
 mod steps;
+mod study;
 mod technician;
 mod wheel;
 

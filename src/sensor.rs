@@ -42,6 +42,11 @@ impl Sensor {
         Ok(Self { noise, measured, darks: darks(session)? })
     }
 
+    /// The camera's noise.
+    pub fn noise(&self) -> &NoiseModel {
+        &self.noise
+    }
+
     /// Where noise and black of a merge of exposures of these times come from.
     pub fn source(&self, times: &[f64]) -> Source {
         let used = self.fitting_darks(times).iter().map(|d| d.exposure_s).collect();

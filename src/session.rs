@@ -1,9 +1,10 @@
 //! A session: one folder that holds everything about one sample on one rig.
 
 use crate::Failure;
+use crate::adaptive::Brackets;
 use crate::wheel::KnownWheel;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
-use rig::{Acquisition, Chessboard, ProjectorMethod};
+use rig::{Acquisition, Chessboard, ProjectorMethod, SampleScheme};
 use serde::{Deserialize, Serialize};
 use simulator::{Imperfections, SampleSpec, SimulatedRig};
 use std::io::Write;
@@ -106,7 +107,13 @@ fn is_plain(imperfections: &Imperfections) -> bool {
 pub(crate) struct PlanConfig {
     /// Columns and rows of regions on the lit face.
     pub regions: [usize; 2],
-    /// Exposures of the sample, seconds.
+    /// How its regions are lit.
+    #[serde(default)]
+    pub scheme: SampleScheme,
+    /// How the exposures of the sample come about.
+    #[serde(default)]
+    pub brackets: Brackets,
+    /// Exposures of the sample, seconds; the most there are, where they are adaptive.
     pub bracket_s: Vec<f64>,
     /// Exposures of chart and white sheet, seconds.
     pub reference_bracket_s: Vec<f64>,
@@ -146,6 +153,8 @@ impl Default for PlanConfig {
     fn default() -> Self {
         Self {
             regions: [4, 4],
+            scheme: SampleScheme::default(),
+            brackets: Brackets::default(),
             bracket_s: rig::bracket(1.0 / 30.0, 8.0, 9),
             reference_bracket_s: rig::bracket(1.0 / 30.0, 1.0, 6),
             response_bracket_s: rig::uneven_bracket(1.0 / 30.0, 2.0, 14),
@@ -175,6 +184,13 @@ impl Config {
         }
         if plan.regions.iter().any(|n| !(1..=64).contains(n)) {
             return Err(format!("plan.regions: from 1 to 64 each, found {:?}", plan.regions));
+        }
+        if plan.scheme == SampleScheme::Multiplexed && self.sample.lit_face == Face::Front {
+            return Err(
+                "plan.scheme: \"multiplexed\" needs a block that is lit from the back: lit \
+                        from the front, half of each picture would be lit directly and masked"
+                    .into(),
+            );
         }
         if plan.board_poses > 1000 {
             return Err(format!("plan.board_poses: at most 1000, found {}", plan.board_poses));
@@ -238,6 +254,7 @@ pub(crate) struct Session {
 impl Session {
     /// Makes the folder and writes `session.toml`.
     pub fn create(folder: &Path, config: Config, overwrite: Overwrite) -> Result<Self, Failure> {
+        config.check().map_err(Failure::input)?;
         std::fs::create_dir_all(folder)
             .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", folder.display())))?;
         let text = toml::to_string(&config).map_err(Failure::other)?;
@@ -353,6 +370,7 @@ impl Session {
         Acquisition {
             lit_face: self.config.sample.lit_face,
             regions: plan.regions,
+            scheme: plan.scheme,
             bracket_s: self.sample_bracket_s(),
             reference_bracket_s: plan.reference_bracket_s.clone(),
             response_bracket_s: plan.response_bracket_s.clone(),

@@ -1,6 +1,7 @@
 //! The steps of a session: which are done and what makes the next one.
 
 use crate::Failure;
+use crate::adaptive;
 use crate::commands::{calibrate, export, report, solve, verify};
 use crate::measurement::ARRAYS;
 use crate::session::{RigConfig, Session};
@@ -68,16 +69,18 @@ pub(crate) fn steps(session: &Session) -> Result<Vec<Step>, Failure> {
         }
         RigConfig::Simulated { .. } | RigConfig::Devices { .. } => {
             let acquisition = session.acquisition();
-            let pictures = |name, plan: &Plan, words: &str| -> Result<Step, Failure> {
+            let pictures = |name, plan: &Plan, settled, words: &str| -> Result<Step, Failure> {
                 plan.check()?;
                 let frames = Frames::count(session, plan);
-                let done = frames.taken == frames.wanted;
+                let done = settled && frames.taken == frames.wanted;
                 Ok(Step { name, done, command: command(words), frames: Some(frames) })
             };
             let calibration = acquisition.calibration_plan();
-            out.push(pictures("calibration pictures", &calibration, "calibrate all SESSION")?);
+            let words = "calibrate all SESSION";
+            out.push(pictures("calibration pictures", &calibration, true, words)?);
             out.push(file("calibration", calibrate::RESULT, "calibrate all SESSION"));
-            out.push(pictures("sample pictures", &acquisition.capture_plan(), "capture SESSION")?);
+            let (plan, settled) = (adaptive::sample_plan(session)?, adaptive::is_settled(session)?);
+            out.push(pictures("sample pictures", &plan, settled, "capture SESSION")?);
             out.push(file("measurement", ARRAYS, "merge SESSION"));
         }
     }

@@ -4,7 +4,9 @@ use material::Face;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Axis, Chessboard, CodeSequence, Pattern, PhaseShift, Plan, Purpose, Shot, Target};
+use crate::{
+    Axis, Chessboard, CodeSequence, Pattern, PhaseShift, Plan, Purpose, SMatrix, Shot, Target,
+};
 
 /// What a standard acquisition is made of.
 ///
@@ -16,6 +18,8 @@ pub struct Acquisition {
     pub lit_face: Face,
     /// Columns and rows of regions on the lit face.
     pub regions: [usize; 2],
+    /// How the regions are lit.
+    pub scheme: SampleScheme,
     /// Exposure times of every frame of the sample, seconds.
     pub bracket_s: Vec<f64>,
     /// Exposure times of the chart and of the white sheet, seconds.
@@ -36,6 +40,17 @@ pub struct Acquisition {
     pub ramp_levels: usize,
     /// Frames at each exposure.
     pub repeats: u32,
+}
+
+/// How the regions of the lit face follow each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SampleScheme {
+    /// One at a time.
+    #[default]
+    Regions,
+    /// About half of all at a time, by the rows of an [`SMatrix`].
+    Multiplexed,
 }
 
 /// What the projector shows on a sheet over the printed board, to be calibrated by.
@@ -116,6 +131,9 @@ pub const DARK_SHOT: &str = "light-dark";
 pub const BURST_SHOT: &str = "light-burst";
 /// See [`DARK_SHOT`].
 pub const WHITE_AGAIN_SHOT: &str = "light-white-again";
+
+/// Name of the first shot of [`Acquisition::capture_plan`]: no light but the room's.
+pub const BLACK_SHOT: &str = "black";
 
 /// Names of the shots of [`Acquisition::noise_plan`]: pairs of dark and of evenly lit frames.
 pub const NOISE_DARK_SHOT: &str = "noise-dark";
@@ -267,7 +285,8 @@ impl Acquisition {
         }
     }
 
-    /// The sample: black, every region, and patterns that are kept out of the fit.
+    /// The sample: black, every region or mixture of regions, and patterns that are kept out of
+    /// the fit.
     pub fn capture_plan(&self) -> Plan {
         let [columns, rows] = self.regions;
         let shot = |name: String, purpose, pattern| Shot {
@@ -278,10 +297,19 @@ impl Acquisition {
             target: Target::Sample,
             pattern,
         };
-        let mut shots = vec![shot("black".into(), Purpose::Reference, Pattern::Black)];
-        for index in 0..columns * rows {
-            let name = format!("region-{:02}", index + 1);
-            shots.push(shot(name, Purpose::Fit, Pattern::region(columns, rows, index)));
+        let mut shots = vec![shot(BLACK_SHOT.into(), Purpose::Reference, Pattern::Black)];
+        match self.scheme {
+            SampleScheme::Regions => shots.extend((0..columns * rows).map(|index| {
+                let name = format!("region-{:02}", index + 1);
+                shot(name, Purpose::Fit, Pattern::region(columns, rows, index))
+            })),
+            SampleScheme::Multiplexed => {
+                let matrix = SMatrix::for_regions(columns * rows);
+                shots.extend((0..matrix.order()).map(|row| {
+                    let pattern = Pattern::regions(columns, rows, |j| matrix.lights(row, j));
+                    shot(format!("multiplexed-{:02}", row + 1), Purpose::Fit, pattern)
+                }));
+            }
         }
         // One region in the middle, moved by half of one, meets cells that no region lights alone.
         let middle = rows.saturating_sub(1) / 2 * columns + columns.saturating_sub(1) / 2;

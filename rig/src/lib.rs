@@ -8,9 +8,11 @@ mod code;
 mod device;
 pub mod devices;
 mod encode;
+mod exposure_choice;
 mod frame;
 mod held;
 mod journal;
+mod multiplex;
 mod pattern;
 mod plan;
 mod render;
@@ -20,19 +22,24 @@ mod survey;
 mod timing;
 
 pub use acquisition::{
-    Acquisition, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT, ProjectorMethod,
-    WHITE_AGAIN_SHOT, bracket, burst, code_shot, grey_shot, uneven_bracket,
+    Acquisition, BLACK_SHOT, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT,
+    ProjectorMethod, SampleScheme, WHITE_AGAIN_SHOT, bracket, burst, code_shot, grey_shot,
+    uneven_bracket,
 };
 pub use code::{CodeSequence, PhaseShift};
 pub use device::{
     Bench, Camera, CameraInfo, DeviceError, DeviceErrorKind, Projector, ProjectorInfo, Readback,
     Rig, Target,
 };
+pub use exposure_choice::{
+    ChannelBrightness, ExposureChoice, ExposureChoiceError, FrameNoise, NoiseGoal, choose_exposures,
+};
 pub use frame::{
     Frame, FrameError, FrameMetadata, FrameStats, PatchStats, read_frame, write_frame,
 };
 pub use held::HeldBoard;
 pub use journal::{Entry, Event, Journal, JournalError, Recorded, StopStatus, read_journal};
+pub use multiplex::{DemultiplexError, Demultiplexed, SMatrix};
 pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
 pub use plan::{Plan, PlanError, PlanSummary, PlanWarning, Purpose, Shot};
 pub use render::{FaceMap, ProjectorImage};
@@ -46,4 +53,4 @@ pub use runner::{
     free_bytes, run, set_aside,
 };
 pub use survey::PixelRect;
-pub use timing::Timing;
+pub use timing::{PER_FRAME_S, Timing};

@@ -167,6 +167,26 @@ impl Pattern {
         Self::face((rect.x0 < rect.x1 && rect.y0 < rect.y1).then_some(rect))
     }
 
+    /// Those regions of the lit face, cut into `columns` × `rows`, whose index `lit` tells, row by
+    /// row; neighbours in a row become one rectangle.
+    pub fn regions(columns: usize, rows: usize, lit: impl Fn(usize) -> bool) -> Self {
+        let edge = |i: usize, n: usize| i as f64 / n as f64;
+        let mut rectangles = Vec::new();
+        for row in 0..rows {
+            let on = |column: usize| column < columns && lit(row * columns + column);
+            let mut column = 0;
+            while column < columns {
+                let end = (column..columns).find(|&c| !on(c)).unwrap_or(columns);
+                if end > column {
+                    let (x0, x1) = (edge(column, columns), edge(end, columns));
+                    rectangles.push(Rect::lit(x0, edge(row, rows), x1, edge(row + 1, rows)));
+                }
+                column = end + 1;
+            }
+        }
+        Self::face(rectangles)
+    }
+
     /// `count` lit stripes that follow each other along `axis`, each followed by a dark one
     /// as wide.
     pub fn stripes(count: usize, axis: Axis) -> Self {
@@ -326,6 +346,23 @@ mod tests {
         let lit: Vec<usize> =
             cells.iter().enumerate().filter(|(_, c)| **c > 0.5).map(|(i, _)| i).collect();
         assert_eq!(lit, [2 * 8 + 2, 2 * 8 + 3]);
+    }
+
+    #[test]
+    fn regions_that_touch_in_a_row_are_one_rectangle() {
+        let lit = [1, 2, 4, 7, 8, 9, 10, 11];
+        let pattern = Pattern::regions(4, 3, |i| lit.contains(&i));
+        pattern.check().unwrap();
+        let Pattern::Face { rectangles } = &pattern else { panic!("{pattern:?}") };
+        assert_eq!(rectangles.len(), 4, "{rectangles:?}");
+        let mut sum = vec![0.0_f32; 13 * 7];
+        for index in lit {
+            let cells = Pattern::region(4, 3, index).coverage(13, 7).unwrap();
+            sum.iter_mut().zip(cells).for_each(|(s, c)| *s += c);
+        }
+        // A few roundings of single precision.
+        let together = pattern.coverage(13, 7).unwrap();
+        assert!(sum.iter().zip(&together).all(|(a, b)| (a - b).abs() < 1e-6), "{together:?}");
     }
 
     #[test]

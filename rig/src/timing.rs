@@ -4,6 +4,9 @@ use serde::Serialize;
 
 use crate::{Event, Recorded};
 
+/// What a frame takes beside its exposure where nothing is known of the rig, seconds: reading it
+/// out, showing the next image, writing the last one.
+pub const PER_FRAME_S: f64 = 0.5;
 /// Frames below which nothing is learned.
 const LEAST: usize = 8;
 /// Longer between two frames, seconds beyond the exposure, is somebody's pause.
@@ -31,13 +34,12 @@ pub struct Timing {
     pub placement_sd_s: f64,
 }
 
-/// Where nothing was learned: reading a frame out, showing the next image and writing the last one;
-/// somebody who walks to the bench.
+/// Where nothing was learned: somebody who walks to the bench takes a minute.
 impl Default for Timing {
     fn default() -> Self {
         Self {
             frames: 0,
-            per_frame_s: 0.5,
+            per_frame_s: PER_FRAME_S,
             per_exposure: 1.0,
             frame_sd_s: 0.25,
             placements: 0,

@@ -3,7 +3,7 @@
 use material::Face;
 use rig::{
     Acquisition, CameraInfo, Chessboard, Pattern, PhaseShift, Plan, PlanError, PlanWarning,
-    ProjectorMethod, Purpose, Target, Timing, bracket,
+    ProjectorMethod, Purpose, SMatrix, SampleScheme, Target, Timing, bracket,
 };
 
 fn standard(lit_face: Face) -> Acquisition {
@@ -13,6 +13,7 @@ fn standard(lit_face: Face) -> Acquisition {
         ramp_levels: 52,
         lit_face,
         regions: [4, 4],
+        scheme: SampleScheme::Regions,
         bracket_s: bracket(1.0 / 30.0, 8.0, 9),
         reference_bracket_s: vec![0.1, 1.0],
         response_bracket_s: vec![0.1, 0.25, 1.0],
@@ -41,9 +42,11 @@ fn the_standard_plans_are_sound_and_survive_files() {
         let acquisition = standard(face);
         let coded = |projector_method| Acquisition { projector_method, ..acquisition.clone() };
         let phase = PhaseShift { period_px: 32, steps: 4 };
+        let multiplexed = Acquisition { scheme: SampleScheme::Multiplexed, ..acquisition.clone() };
         for plan in [
             acquisition.calibration_plan(),
             acquisition.capture_plan(),
+            multiplexed.capture_plan(),
             acquisition.light_plan(),
             acquisition.noise_plan(),
             coded(ProjectorMethod::GrayCode).calibration_plan(),
@@ -55,6 +58,24 @@ fn the_standard_plans_are_sound_and_survive_files() {
             assert_eq!(toml::from_str::<Plan>(&toml).unwrap(), plan);
             let json = serde_json::to_string(&plan).unwrap();
             assert_eq!(serde_json::from_str::<Plan>(&json).unwrap(), plan);
+        }
+    }
+}
+
+/// What all pictures together light, on a grid of its own, is what the matrix says.
+#[test]
+fn a_multiplexed_plan_lights_the_regions_that_the_matrix_tells() {
+    let acquisition = Acquisition { scheme: SampleScheme::Multiplexed, ..standard(Face::Back) };
+    let plan = acquisition.capture_plan();
+    let shots: Vec<_> = plan.shots.iter().filter(|s| s.purpose == Purpose::Fit).collect();
+    let matrix = SMatrix::for_regions(16);
+    assert_eq!(shots.len(), matrix.order());
+    assert_eq!(plan.shots[0].name, rig::BLACK_SHOT);
+    for (row, shot) in shots.iter().enumerate() {
+        let cells = shot.pattern.coverage(4, 4).unwrap();
+        for (region, lit) in cells.iter().enumerate() {
+            let expected = if matrix.lights(row, region) { 1.0 } else { 0.0 };
+            assert_eq!(*lit, expected, "{} region {region}", shot.name);
         }
     }
 }

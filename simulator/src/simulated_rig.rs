@@ -92,6 +92,19 @@ impl SimulatedRig {
         Rig { camera: Box::new(device()), projector: Box::new(device()), bench: Box::new(device()) }
     }
 
+    /// Radiance of every camera pixel, three interleaved channels, without any noise: what a study
+    /// holds measurements against.
+    ///
+    /// # Errors
+    /// The light in the sample cannot be solved.
+    pub fn radiance(
+        &self,
+        target: &Target,
+        image: &ProjectorImage,
+    ) -> Result<Vec<f32>, DeviceError> {
+        self.world.scene.render(target, image).map_err(failed)
+    }
+
     /// The sensor's figures, as its data sheet would give them.
     pub fn sensor(&self) -> Sensor {
         self.world.sensor

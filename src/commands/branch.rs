@@ -1,6 +1,7 @@
 //! `diaphane branch`: a changed plan goes on in a session of its own.
 
 use crate::Failure;
+use crate::adaptive;
 use crate::devices::RIG_FILE;
 use crate::output::Done;
 use crate::session::Session;
@@ -30,6 +31,16 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if rig_file.is_file() {
         copy_file(&rig_file, &branch.path(RIG_FILE))?;
     }
+    let choice = session.path(adaptive::CHOICE);
+    if choice.is_file() {
+        let copy = branch.path(adaptive::CHOICE);
+        copy_file(&choice, &copy)?;
+        // Chosen for a bracket that is no more: the branch chooses anew.
+        if adaptive::Chosen::read(&branch).is_err() {
+            std::fs::remove_file(&copy)
+                .map_err(|e| Failure::other(format!("{}: {e}", copy.display())))?;
+        }
+    }
     let calibration = session.path("calibration");
     if calibration.is_dir() {
         copy_folder(&calibration, &branch.path("calibration"))?;
@@ -43,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         acquisition.calibration_plan(),
         acquisition.light_plan(),
         acquisition.noise_plan(),
-        acquisition.capture_plan(),
+        adaptive::sample_plan(&branch)?,
     ] {
         plan.check()?;
         carried += carry_over(&plan, old, new)?;

@@ -1,6 +1,7 @@
 //! `diaphane capture`: takes the pictures that are missing.
 
 use crate::Failure;
+use crate::adaptive;
 use crate::cli::STOP;
 use crate::commands::calibrate;
 use crate::devices;
@@ -80,7 +81,7 @@ pub(crate) fn calibration_pictures(session: &Session, rig: &mut Rig) -> Result<O
 
 /// The sample under every pattern.
 pub(crate) fn sample_pictures(session: &Session, rig: &mut Rig) -> Result<Outcome, Failure> {
-    shoot(session, rig, "capture", &session.acquisition().capture_plan(), true)
+    adaptive::take(session, |plan| shoot(session, rig, "capture", plan, true))
 }
 
 fn shoot(

@@ -3,6 +3,7 @@
 mod devices;
 
 use crate::Failure;
+use crate::adaptive::{Brackets, SchemeName};
 use crate::output::Done;
 use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
 use crate::wheel;
@@ -16,7 +17,7 @@ use std::path::PathBuf;
 /// Make a session: on the simulated rig, or with --rig on one of devices
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax\n  \
+    after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax\n  diaphane init quick-wax --brackets adaptive\n  \
     diaphane init my-marble --rig rig.toml --size 80x80x12 --cells 160x160x24 --board 9x6 --square 10"
 )]
 pub(crate) struct Args {
@@ -30,6 +31,12 @@ pub(crate) struct Args {
     /// whole turns of it
     #[arg(long, value_name = "SESSION")]
     light: Option<PathBuf>,
+    /// Exposures of each pattern
+    #[arg(long, value_enum, default_value = "full")]
+    brackets: Brackets,
+    /// How the regions of the lit face are lit
+    #[arg(long, value_enum, default_value = "regions")]
+    scheme: SchemeName,
     /// Replace a session.toml that is there
     #[arg(long)]
     force: bool,
@@ -55,6 +62,17 @@ pub(crate) enum SampleName {
     Stone,
 }
 
+impl SampleName {
+    /// The simulator's name for it.
+    pub fn kind(self) -> SampleKind {
+        match self {
+            Self::Wax => SampleKind::Wax,
+            Self::Marble => SampleKind::Marble,
+            Self::Stone => SampleKind::Stone,
+        }
+    }
+}
+
 #[derive(Clone, Copy, ValueEnum)]
 pub(crate) enum LitFace {
     Back,
@@ -63,11 +81,7 @@ pub(crate) enum LitFace {
 
 /// The configuration of a simulated rig, as a technician would have entered it.
 pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> {
-    let kind = match args.sample {
-        SampleName::Wax => SampleKind::Wax,
-        SampleName::Marble => SampleKind::Marble,
-        SampleName::Stone => SampleKind::Stone,
-    };
+    let kind = args.sample.kind();
     let lit_face = match args.lit {
         LitFace::Back => Face::Back,
         LitFace::Front => Face::Front,
@@ -112,6 +126,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         None => simulated_config(&args.simulated)?,
         Some(path) => devices::config(path, &args.devices, &args.session, args.simulated.lit)?,
     };
+    config.plan.brackets = args.brackets;
+    config.plan.scheme = args.scheme.into();
     if let Some(other) = &args.light {
         wheel::of_session(other)?.set(&mut config.plan);
     }

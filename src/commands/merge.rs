@@ -1,6 +1,7 @@
 //! `diaphane merge`: brackets to radiance, and radiance onto the sample's grid.
 
 use crate::Failure;
+use crate::adaptive;
 use crate::cli::STOP;
 use crate::commands::calibrate::{self, merge_shot, subtract};
 use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
@@ -9,7 +10,7 @@ use crate::sensor::{Sensor, Source};
 use crate::session::{RigConfig, Session};
 use calibration::{rectify, write_exr};
 use material::Overwrite;
-use rig::Purpose;
+use rig::{BLACK_SHOT, Purpose, Shot};
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -98,7 +99,7 @@ pub(crate) fn measure(
         ));
     }
     let found = calibrate::load(session)?;
-    let plan = session.acquisition().capture_plan();
+    let plan = adaptive::sample_plan(session)?;
     let grid = &session.config.sample.grid;
     let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
     if found.irradiance.len() != nx * ny {
@@ -116,8 +117,10 @@ pub(crate) fn measure(
     let sensor = Sensor::of(session)?;
     let source = sensor.source(&times);
     eprintln!("noise: {source}");
-    let merged = |shot: &str| merge_shot(session, shot, &times, &found.response, &sensor);
-    let black = merged("black")?;
+    let merged =
+        |shot: &Shot| merge_shot(session, &shot.name, &shot.exposures_s, &found.response, &sensor);
+    let dark = plan.shots.iter().find(|s| s.name == BLACK_SHOT);
+    let black = merged(dark.ok_or_else(|| Failure::other("a plan without black"))?)?;
     let shots: Vec<_> = plan
         .shots
         .iter()
@@ -130,17 +133,13 @@ pub(crate) fn measure(
             return Err(Failure::other("interrupted").hint("run the same command again"));
         }
         progress.set(done, &shot.name);
-        let light = subtract(merged(&shot.name)?, &black);
+        let light = subtract(merged(shot)?, &black);
         let exr = session.result(&format!("measurement/hdr/{}.exr", shot.name))?;
         // Pictures are there to be looked at; the arrays are what counts as the finished result.
         write_exr(&exr, &light, Overwrite::Replace)?;
         let map = rectify(&light, &found.front, [nx, ny], [hx, hy])?;
         let face = nx * ny;
-        let coverage = shot.pattern.coverage(nx, ny).ok_or_else(|| {
-            Failure::input(format!("shot {:?}: its pattern does not lie on the face", shot.name))
-        })?;
-        let irradiance: Vec<f64> =
-            coverage.iter().zip(&found.irradiance).map(|(c, e)| f64::from(*c) * e).collect();
+        let irradiance = adaptive::irradiance(shot, &found, [nx, ny])?;
         let channel = |values: &[f32], c: usize, power: i32| -> Vec<f64> {
             let unit = (std::f64::consts::PI * found.white[c]).powi(power);
             values[c * face..(c + 1) * face].iter().map(|v| f64::from(*v) / unit).collect()

@@ -16,4 +16,5 @@ pub(crate) mod report;
 pub(crate) mod rig;
 pub(crate) mod solve;
 pub(crate) mod status;
+pub(crate) mod study;
 pub(crate) mod verify;

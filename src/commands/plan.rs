@@ -1,6 +1,7 @@
 //! `diaphane plan`: what a capture takes.
 
 use crate::Failure;
+use crate::adaptive;
 use crate::devices::RIG_FILE;
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
@@ -41,9 +42,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let turn_s = session.wheel.as_ref().map(|known| known.wheel.turn_s);
     let mut text = String::new();
     let mut parts = Vec::new();
-    for (name, plan) in
-        [("calibration", acquisition.calibration_plan()), ("sample", acquisition.capture_plan())]
-    {
+    for (name, plan) in [
+        ("calibration", acquisition.calibration_plan()),
+        ("sample", adaptive::sample_plan(&session)?),
+    ] {
         plan.check()?;
         text += &describe(name, &plan, &camera, &timing, turn_s);
         let summary = plan.summary(&camera, &timing);
@@ -70,6 +72,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             "the sample is exposed for whole turns of the colour wheel, {:.3} ms each\n",
             1e3 * turn_s
         );
+    }
+    if !adaptive::is_settled(&session)? {
+        text += "this is the most that it can come to: the first pattern chooses the exposures\n";
     }
     Ok(Done::new(
         json!({ "parts": parts, "wheel_turn_s": turn_s, "timing": timing, "warnings": limits }),
