@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::commands::{
-    branch, calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, report,
-    rig, solve, status, study, verify,
+    branch, calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, preview,
+    report, rig, solve, status, study, verify,
 };
 use crate::output::Done;
 use ::rig::devices::Parking;
@@ -35,6 +35,8 @@ enum Command {
     Rig(rig::Args),
     /// Show what a capture takes, without touching hardware
     Plan(plan::Args),
+    /// Show what the camera sees, again and again, while the projector shows lines to align by
+    Preview(preview::Args),
     /// Take the pictures that are missing
     Capture(capture::Args),
     /// Go on in another folder with a plan that was changed in the middle
@@ -136,6 +138,7 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Doctor(args) => doctor::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::Plan(args) => plan::run(&args),
+        Command::Preview(args) => preview::run(&args),
         Command::Capture(args) => capture::run(&args),
         Command::Branch(args) => branch::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),

@@ -156,7 +156,7 @@ fn a_second_ctrl_c_puts_the_devices_away() {
     let folder = tempfile::tempdir().unwrap();
     // Hands that never come: the capture waits for them.
     let script = folder.path().join("hands.sh");
-    std::fs::write(&script, "#!/bin/sh\necho here >> \"$0.called\"\nexec sleep 60\n").unwrap();
+    std::fs::write(&script, "#!/bin/sh\necho here >> \"$0.called\"\nexec sleep 60 2>&-\n").unwrap();
     std::fs::set_permissions(&script, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
     let hands = format!("driver = \"program\"\nprogram = \"{}\"", script.display());
     let rig = RIG.replace("[hands]\ndriver = \"simulated\"", &format!("[hands]\n{hands}"));

@@ -12,6 +12,7 @@ pub(crate) mod init;
 pub(crate) mod merge;
 mod merge_images;
 pub(crate) mod plan;
+pub(crate) mod preview;
 pub(crate) mod report;
 pub(crate) mod rig;
 pub(crate) mod solve;

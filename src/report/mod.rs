@@ -5,7 +5,7 @@ mod additivity;
 mod bar;
 mod calibration;
 mod chart;
-mod colour;
+pub(crate) mod colour;
 mod html;
 mod images;
 mod picture;

@@ -33,14 +33,13 @@ impl Projector for ControlledProjector {
     fn still_shows(&mut self) -> Result<(), DeviceError> {
         self.display.still_shows()?;
         let mut control = lock(&self.control);
-        let state = control.power_state()?;
-        let muted = control.av_mute()? == Some(true);
-        let why = match state {
-            PowerState::On if !muted => return Ok(()),
-            PowerState::On => "it is muted".to_owned(),
+        let why = match control.power_state()? {
+            // Whoever cools down or warms up answers nothing else.
+            PowerState::On if control.av_mute()? == Some(true) => "it is muted".to_owned(),
+            PowerState::On => return Ok(()),
             state => format!("it is {state}"),
         };
-        let device = control.name()?;
+        let device = control.name().unwrap_or_else(|_| "projector".into());
         Err(DeviceError::Fault { device, reason: format!("{why}, in the middle of a capture") })
     }
 

@@ -9,9 +9,13 @@ use crate::devices::hands::{HandsProgram, Places, StagedBench};
 use crate::devices::{Coordinate, Parking, PowerState, Stage, power_on};
 use crate::{Bench, DeviceError, Rig, SimulatedDevices};
 
+/// The slowest stages need a minute or two.
+const HOMING: Duration = Duration::from_secs(180);
+
 impl RigFile {
-    /// Opens the devices, switches the projector on and waits until it is: `progress` hears what
-    /// is being waited for, and says whether to go on. `person` puts things on the bench where the
+    /// Opens the devices, switches the projector on and waits until it is, and sends a stage that has
+    /// places to go to its switches: `progress` hears what is being waited for, and says whether to
+    /// go on. `person` puts things on the bench where the
     /// file names nobody else.
     ///
     /// # Errors
@@ -60,8 +64,17 @@ impl RigFile {
             }
         };
         if let Some(config) = &self.stage {
-            let stage = config.open(simulated);
+            let mut stage = config.open(simulated);
             let places = places(&self.places, stage.as_ref())?;
+            // Many controllers forget where they are when they are opened; who has no switches
+            // takes where it stands for its reference.
+            if !places.is_empty() {
+                progress("the stage goes to its switches");
+                match stage.home(HOMING) {
+                    Ok(()) | Err(DeviceError::Unsupported { .. }) => {}
+                    Err(error) => return Err(error),
+                }
+            }
             let stage = Arc::new(Mutex::new(stage));
             parking.stage = Some(Arc::clone(&stage));
             bench = Box::new(StagedBench { hands: bench, stage, places });
