@@ -10,6 +10,9 @@ const FOCUS_STEP: usize = 4;
 /// Tiles that a frame is cut into, columns and rows.
 pub(crate) const TILES: [usize; 2] = [8, 32];
 
+/// Single pixels that are remembered of a frame, columns and rows.
+pub(crate) const PROBES: [usize; 2] = [64, 64];
+
 /// A rectangle of the camera's picture or the projector's, whole pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,6 +45,11 @@ impl Frame {
         }
         survey.stats()
     }
+}
+
+/// The middle of part `i` of `parts` of so many pixels.
+pub(crate) fn probed(i: usize, parts: usize, pixels: usize) -> usize {
+    (2 * i + 1) * pixels / (2 * parts)
 }
 
 /// Sum and contrast of some rows, and how many values there were.
@@ -104,6 +112,8 @@ pub(crate) struct Survey {
     patch: Option<(PixelRect, Contrast)>,
     /// Row by row, [`TILES`].
     tiles: Vec<Tile>,
+    /// Green, or the only channel, of single pixels, row by row, [`PROBES`].
+    probes: Vec<u16>,
 }
 
 impl Survey {
@@ -124,6 +134,7 @@ impl Survey {
                 .filter(|patch| patch.fits(frame.width, frame.height))
                 .map(|patch| (patch, Contrast::default())),
             tiles: vec![Tile::default(); TILES[0] * TILES[1]],
+            probes: Vec::with_capacity(PROBES[0] * PROBES[1]),
         }
     }
 
@@ -167,6 +178,14 @@ impl Survey {
             contrast.sum += part.iter().map(|&v| u64::from(v)).sum::<u64>();
             contrast.values += part.len() as u64;
         }
+        // In the middle of each part; a picture of fewer rows is probed more than once.
+        while self.probes.len() < PROBES[0] * PROBES[1]
+            && probed(self.probes.len() / PROBES[0], PROBES[1], self.height) == self.rows
+        {
+            let channel = self.channels / 2;
+            let at = |i| probed(i, PROBES[0], self.width) * self.channels + channel;
+            self.probes.extend((0..PROBES[0]).map(|i| row.get(at(i)).copied().unwrap_or(0)));
+        }
         self.rows += 1;
         self.values += row.len();
         if max > self.clip {
@@ -199,6 +218,19 @@ impl Survey {
     /// Pixels.
     fn tile_width(&self) -> usize {
         self.width.div_ceil(TILES[0]).max(1)
+    }
+
+    /// Single pixels, row by row; `None` where one is clipped or of the patch.
+    pub fn probes(&self) -> Vec<Option<u16>> {
+        let of_patch = |i: usize| {
+            self.patch.is_some_and(|(rect, _)| {
+                let x = probed(i % PROBES[0], PROBES[0], self.width) as u32;
+                let y = probed(i / PROBES[0], PROBES[1], self.height) as u32;
+                (rect.x0..rect.x1).contains(&x) && (rect.y0..rect.y1).contains(&y)
+            })
+        };
+        let value = |(i, &v): (usize, &u16)| (v < self.clip && !of_patch(i)).then_some(v);
+        self.probes.iter().enumerate().map(value).collect()
     }
 
     /// Rows of the frame.

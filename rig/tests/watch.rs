@@ -237,12 +237,12 @@ fn a_split_frame_is_told_with_its_rows() {
     let split: Vec<_> = told
         .iter()
         .filter_map(|(shot, w)| match w {
-            Warning::OutOfSync { from, to, change } => Some((shot.as_str(), *from, *to, *change)),
+            Warning::OutOfSync { row, change } => Some((shot.as_str(), *row, *change)),
             _ => None,
         })
         .collect();
     assert!(split.iter().any(|(shot, ..)| *shot == "white"), "{told:?}");
-    for (_, from, to, change) in split {
-        assert!(to == from + 3 && to <= HEIGHT && change.abs() > 0.03);
+    for (_, row, change) in split {
+        assert!(row < HEIGHT && change.abs() > 0.03);
     }
 }

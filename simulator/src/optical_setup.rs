@@ -3,6 +3,7 @@
 use crate::{Imperfections, Lens, SampleSpec};
 use glam::{DVec2, DVec3};
 use material::Face;
+use rig::{PixelRect, ReferencePatch};
 
 /// The geometry of a simulated rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,12 @@ pub struct OpticalSetup {
     /// Size of the block, mm.
     pub block_mm: [f64; 3],
 }
+
+/// Left, top, right and bottom of the reference tile beside the block, in the larger of its sides
+/// from its left edge and its middle row.
+const TILE: [f64; 4] = [-0.16, -0.1, -0.06, 0.1];
+/// Stripes that are printed on the tile, and their share of its reflectance of 0.9.
+const STRIPES: (f64, f64) = (5.0, 0.4);
 
 /// Share of the camera's height that the block fills.
 const FILL: f64 = 0.8;
@@ -58,6 +65,58 @@ impl OpticalSetup {
     }
 }
 
+impl OpticalSetup {
+    /// Left, top, right and bottom of the reference tile, in the plane of the front face, mm.
+    fn tile_mm(&self) -> [f64; 4] {
+        let [width, height, _] = self.block_mm;
+        let unit = width.max(height);
+        let [left, top, right, bottom] = TILE.map(|share| share * unit);
+        [left, height / 2.0 + top, right, height / 2.0 + bottom]
+    }
+
+    /// Share of the light that a point of the front face's plane sends back, or lets through, where
+    /// the reference tile is; `None` beside it.
+    pub(crate) fn tile_albedo(&self, x: f64, y: f64) -> Option<f64> {
+        let [left, top, right, bottom] = self.tile_mm();
+        if !(left..right).contains(&x) || !(top..bottom).contains(&y) {
+            return None;
+        }
+        let (stripes, dark) = STRIPES;
+        let place = (x - left) / (right - left) * stripes;
+        Some(if place.fract() < 0.5 { 0.9 } else { 0.9 * dark })
+    }
+
+    /// The reference tile in the projector's picture, with a margin of half its width, and in the
+    /// camera's, without its edges.
+    pub fn reference_patch(&self) -> ReferencePatch {
+        let rect = |lens: &Lens, margin: f64| {
+            let [left, top, right, bottom] = self.tile_mm();
+            let m = margin * (right - left);
+            let corners = [
+                (left - m, top - m),
+                (right + m, top - m),
+                (left - m, bottom + m),
+                (right + m, bottom + m),
+            ];
+            let seen = corners.map(|(x, y)| lens.project(DVec3::new(x, y, 0.0)));
+            let seen = seen.map(Option::unwrap_or_default);
+            let low = seen.into_iter().fold(seen[0], DVec2::min).max(DVec2::ZERO);
+            let high = seen.into_iter().fold(seen[0], DVec2::max).max(DVec2::ZERO);
+            let [width, height] = lens.size;
+            PixelRect {
+                x0: (low.x as u32).min(width),
+                y0: (low.y as u32).min(height),
+                x1: (high.x.ceil() as u32).min(width),
+                y1: (high.y.ceil() as u32).min(height),
+            }
+        };
+        ReferencePatch {
+            projector_px: rect(&self.projector, 0.3),
+            camera_px: rect(&self.camera, -0.15),
+        }
+    }
+}
+
 /// Moves the principal point by `shift` pixels while `target` stays in the middle of the picture.
 fn shifted(lens: Lens, shift: DVec2, target: DVec3) -> Lens {
     let mut out = lens;
@@ -83,6 +142,48 @@ mod tests {
         let below = Imperfections { lens_shift_px: [-30.0, 480.0], ..plain.clone() };
         for rig in [plain, below] {
             check_view(rig);
+        }
+    }
+
+    /// Camera and projector see the tile, and the light for it does not fall on the block.
+    #[test]
+    fn the_reference_tile_is_beside_the_block() {
+        for kind in [SampleKind::Wax, SampleKind::Marble, SampleKind::Stone] {
+            for lit in [Face::Back, Face::Front] {
+                let setup = OpticalSetup::new(
+                    &SampleSpec { kind, seed: 1 },
+                    lit,
+                    &Imperfections::default(),
+                );
+                let patch = setup.reference_patch();
+                let [_, h, d] = setup.block_mm;
+                for (lens, rect, z) in [
+                    (setup.camera, patch.camera_px, 0.0),
+                    (setup.projector, patch.projector_px, 0.0),
+                    (setup.projector, patch.projector_px, d),
+                ] {
+                    assert!(rect.fits(lens.size[0], lens.size[1]), "{kind:?} {lit:?} {rect:?}");
+                    assert!(rect.x1 - rect.x0 >= 12 && rect.y1 - rect.y0 >= 12, "{rect:?}");
+                    // Along the edge that is next to it.
+                    for i in 0..=40 {
+                        let p = lens.project(DVec3::new(0.0, h * f64::from(i) / 40.0, z)).unwrap();
+                        let [x0, y0, x1, y1] = [rect.x0, rect.y0, rect.x1, rect.y1].map(f64::from);
+                        let inside = (x0..x1).contains(&p.x) && (y0..y1).contains(&p.y);
+                        assert!(!inside, "{kind:?} {lit:?}: {p} in {rect:?}");
+                    }
+                }
+                let seen = |x: u32, y: u32| {
+                    let ray = setup.camera.ray(DVec2::new(f64::from(x), f64::from(y)));
+                    let point = setup.camera.position + ray * (-setup.camera.position.z / ray.z);
+                    setup.tile_albedo(point.x, point.y)
+                };
+                let c = patch.camera_px;
+                for (x, y) in
+                    [(c.x0, c.y0), (c.x1 - 1, c.y0), (c.x0, c.y1 - 1), (c.x1 - 1, c.y1 - 1)]
+                {
+                    assert!(seen(x, y).is_some(), "{kind:?} {lit:?}: {x} {y}");
+                }
+            }
         }
     }
 

@@ -116,7 +116,11 @@ impl Scene {
             let point = camera + ray * (-camera.z / ray.z);
             let at = DVec2::new(point.x / hx, point.y / hy);
             if at.min_element() < 0.0 || at.x >= nx as f64 || at.y >= ny as f64 {
-                return [0.0; 3];
+                let Some(albedo) = self.setup.tile_albedo(point.x, point.y) else {
+                    return [0.0; 3];
+                };
+                let light = self.irradiance(point, DVec3::Z, image);
+                return light.map(|light| albedo * light / std::f64::consts::PI);
             }
             let mut out = interpolate(&exit, [nx, ny], at - 0.5);
             if lit_in_front {

@@ -6,8 +6,8 @@ use crate::{BOARD_COLUMNS, BOARD_ROWS, Imperfections, OpticalSetup, SampleSpec, 
 use diffusion::Medium;
 use material::{Face, Optics};
 use rig::{
-    Bench, Camera, CameraInfo, DeviceError, Frame, Projector, ProjectorImage, ProjectorInfo, Rig,
-    Target,
+    Bench, Camera, CameraInfo, DeviceError, Frame, Projector, ProjectorImage, ProjectorInfo,
+    ReferencePatch, Rig, Target,
 };
 use std::sync::{Arc, Mutex};
 
@@ -113,6 +113,11 @@ impl SimulatedRig {
     /// Columns and rows of the projector.
     pub fn projector_px(&self) -> [u32; 2] {
         self.world.scene.setup.projector.size
+    }
+
+    /// The white tile beside the block.
+    pub fn reference_patch(&self) -> ReferencePatch {
+        self.world.scene.setup.reference_patch()
     }
 
     /// The printed chessboard that goes with this rig: inner corners a row and a column, and the

@@ -115,7 +115,11 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
             },
             imperfections: Imperfections::default(),
         },
-        plan: PlanConfig { projector_px: rig.projector_px(), ..PlanConfig::default() },
+        plan: PlanConfig {
+            projector_px: rig.projector_px(),
+            reference_patch: Some(rig.reference_patch()),
+            ..PlanConfig::default()
+        },
     })
 }
 

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::survey::{Survey, TILES};
+use crate::survey::{PROBES, Survey, probed};
 use crate::{FrameMetadata, PatchStats, Pattern, Purpose, Target};
 
 /// Share of values that may be clipped in the shortest exposure: hot pixels and a glint.
@@ -23,13 +23,17 @@ const MOST_LAMP_DRIFT: f64 = 0.01;
 /// Change of the reference patch's focus score: a printed edge that is blurred by another half of
 /// its width loses about as much.
 const MOST_FOCUS_DRIFT: f64 = 0.2;
-/// Share of full scale that a band of rows, or the reference patch, needs to be compared.
-const LEAST_BAND: f64 = 0.05;
-/// How far a band of rows may be from what the others say: a split frame is off by as much as the
-/// picture changed, a wavy one by the part of a turn that the exposures differ by.
+/// Share of full scale that the reference patch needs to be compared.
+const LEAST_PATCH: f64 = 0.05;
+/// Share of full scale that the longer exposure of a pixel needs to be compared.
+const LEAST_BRIGHT_ROW: f64 = 0.1;
+/// How far a row may be from what the others say: a split frame is off by as much as the picture
+/// changed, a wavy one by the part of a turn that the exposures differ by.
 const MOST_UNSYNCED: f64 = 0.03;
-/// Bands that a comparison needs.
-const LEAST_BANDS: usize = 8;
+/// Probes of a piece of the curve.
+const PIECE: usize = 64;
+/// Probes that a row needs to be judged.
+const LEAST_PROBES: f64 = 8.0;
 
 /// What is doubtful about a frame, though it was kept.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
@@ -89,14 +93,12 @@ pub enum Warning {
     },
     /// Camera and projector are not in step.
     #[error(
-        "rows {from} to {to} differ by {:.0} % from what the other exposure says: a split or wavy frame, camera and projector out of step",
+        "row {row} and others differ by {:.0} % from what the other exposure says: a split or wavy frame, camera and projector out of step",
         100.0 * change
     )]
     OutOfSync {
-        /// First row of the band.
-        from: u32,
-        /// Row after the last.
-        to: u32,
+        /// The row that is farthest off.
+        row: u32,
         /// How far it is off, relatively.
         change: f64,
     },
@@ -119,6 +121,7 @@ pub(super) struct Watch {
 struct Seen {
     exposure_s: f64,
     tiles: Vec<Option<f64>>,
+    probes: Vec<Option<u16>>,
     min: f64,
 }
 
@@ -152,7 +155,12 @@ impl Watch {
         if requested_s == shortest && stats.clipped_share > MOST_CLIPPED {
             warnings.push(Warning::Clipped { exposure_s, share: stats.clipped_share });
         }
-        let seen = Seen { exposure_s, tiles: survey.tiles(), min: f64::from(stats.min) };
+        let seen = Seen {
+            exposure_s,
+            tiles: survey.tiles(),
+            probes: survey.probes(),
+            min: f64::from(stats.min),
+        };
         let is_black = frame.pattern == Pattern::Black;
         if requested_s == longest && !is_black && stats.clipped_share == 0.0 {
             let brightest = seen.tiles.iter().flatten().copied().fold(0.0, f64::max);
@@ -179,7 +187,7 @@ impl Watch {
     /// How the reference patch has changed since the first frame of that exposure.
     fn drift(&mut self, requested_s: f64, patch: PatchStats, min: f64, full: f64) -> Vec<Warning> {
         let (first, dark) = *self.patch.entry(requested_s.to_bits()).or_insert((patch, min));
-        if first.mean - dark < LEAST_BAND * full {
+        if first.mean - dark < LEAST_PATCH * full {
             // Too dim to tell a hundredth.
             return Vec::new();
         }
@@ -223,40 +231,46 @@ impl Watch {
     }
 }
 
-/// The band of rows that is farthest from the others, in the ratio of two exposures of one picture.
+/// The row that is farthest from the others in how the values of two exposures belong together.
 ///
-/// Where nothing moves, that ratio is the same everywhere, or, with a camera that is not linear,
-/// follows the brightness: it is fitted by a power of it.
+/// Where nothing moves, the longer exposure's value is one function of the shorter's, the same all
+/// over the picture, whatever the camera's response is. It is taken from all probes: their mean
+/// line in pieces of equal numbers of probes. A row that another light was on is off as a whole.
 fn out_of_sync(before: &Seen, now: &Seen, full: f64, height: u32) -> Option<Warning> {
     let (short, long) =
         if before.exposure_s < now.exposure_s { (before, now) } else { (now, before) };
-    // Tiles that neither exposure clips.
-    let band = |band: usize| -> Option<(f64, f64)> {
-        let tiles = band * TILES[0]..(band + 1) * TILES[0];
-        let both = tiles.filter_map(|i| Some((short.tiles[i]?, long.tiles[i]?)));
-        let (n, a, b) = both.fold((0.0, 0.0, 0.0), |(n, a, b), (s, l)| (n + 1.0, a + s, b + l));
-        let (a, b) = (a / n - short.min, b / n - long.min);
-        // Not where there is none: no number is larger.
-        (a > LEAST_BAND * full && b > a).then_some((a, b))
-    };
-    let points: Vec<(usize, f64, f64)> =
-        (0..TILES[1]).filter_map(|i| band(i).map(|(a, b)| (i, b.ln(), (b / a).ln()))).collect();
-    if points.len() < LEAST_BANDS {
-        return None;
+    let both = short.probes.iter().zip(&long.probes).enumerate();
+    let mut points: Vec<(usize, f64, f64)> = both
+        .filter_map(|(i, (a, b))| Some((i / PROBES[0], f64::from((*a)?), f64::from((*b)?))))
+        .filter(|(_, a, b)| b - long.min > LEAST_BRIGHT_ROW * full && b > a)
+        .collect();
+    points.sort_by(|p, q| p.1.total_cmp(&q.1));
+    let mut rows = vec![(0.0, 0.0); PROBES[1]];
+    let mut scatter = Vec::new();
+    for piece in points.chunks(PIECE).filter(|piece| piece.len() == PIECE) {
+        let n = PIECE as f64;
+        let mean = |of: &dyn Fn(&(usize, f64, f64)) -> f64| piece.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|p| p.1), mean(&|p| p.2));
+        let (xx, xy) = (mean(&|p| (p.1 - x).powi(2)), mean(&|p| (p.1 - x) * (p.2 - y)));
+        // An even picture has no slope to find.
+        let slope = if xx > 1.0 { xy / xx } else { 0.0 };
+        for p in piece {
+            let off = (p.2 - y - slope * (p.1 - x)) / (y - long.min).max(1.0);
+            rows[p.0].0 += off;
+            rows[p.0].1 += 1.0;
+            scatter.push(off.abs());
+        }
     }
-    let n = points.len() as f64;
-    let mean = |of: &dyn Fn(&(usize, f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
-    let (x, y) = (mean(&|p| p.1), mean(&|p| p.2));
-    let (xx, xy) = (mean(&|p| (p.1 - x).powi(2)), mean(&|p| (p.1 - x) * (p.2 - y)));
-    // An even picture has no brightness to follow.
-    let slope = if xx > 1e-4 { xy / xx } else { 0.0 };
-    let residual = |p: &(usize, f64, f64)| p.2 - y - slope * (p.1 - x);
-    let worst = points.iter().max_by(|a, b| residual(a).abs().total_cmp(&residual(b).abs()))?;
-    let change = residual(worst).exp_m1();
-    let row = |band: usize| (band * height as usize).div_ceil(TILES[1]) as u32;
-    (change.abs() > MOST_UNSYNCED).then(|| Warning::OutOfSync {
-        from: row(worst.0),
-        to: row(worst.0 + 1),
-        change,
-    })
+    scatter.sort_by(f64::total_cmp);
+    // Of a normal distribution, of which a few values may be anything.
+    let sigma = scatter.get(scatter.len() / 2)? / 0.6745;
+    let off = |row: usize| rows[row].0 / rows[row].1;
+    let worst = (0..PROBES[1])
+        .filter(|&row| rows[row].1 >= LEAST_PROBES)
+        .max_by(|&a, &b| off(a).abs().total_cmp(&off(b).abs()))?;
+    let change = off(worst);
+    let significant = change.abs() > 6.0 * sigma / rows[worst].1.sqrt();
+    let height = height as usize;
+    (change.abs() > MOST_UNSYNCED && significant)
+        .then(|| Warning::OutOfSync { row: probed(worst, PROBES[1], height) as u32, change })
 }
