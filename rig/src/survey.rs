@@ -11,7 +11,7 @@ const FOCUS_STEP: usize = 4;
 pub(crate) const TILES: [usize; 2] = [8, 32];
 
 /// Single pixels that are remembered of a frame, columns and rows.
-pub(crate) const PROBES: [usize; 2] = [64, 64];
+pub(crate) const PROBES: [usize; 2] = [128, 64];
 
 /// A rectangle of the camera's picture or the projector's, whole pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -20,7 +20,7 @@ pub struct OpticalSetup {
 
 /// Left, top, right and bottom of the reference tile beside the block, in the larger of its sides
 /// from its left edge and its middle row.
-const TILE: [f64; 4] = [-0.16, -0.1, -0.06, 0.1];
+const TILE: [f64; 4] = [-0.22, -0.1, -0.12, 0.1];
 /// Stripes that are printed on the tile, and their share of its reflectance of 0.9.
 const STRIPES: (f64, f64) = (5.0, 0.4);
 
@@ -86,7 +86,7 @@ impl OpticalSetup {
         Some(if place.fract() < 0.5 { 0.9 } else { 0.9 * dark })
     }
 
-    /// The reference tile in the projector's picture, with a margin of half its width, and in the
+    /// The reference tile in the projector's picture, with a margin, and in the
     /// camera's, without its edges.
     pub fn reference_patch(&self) -> ReferencePatch {
         let rect = |lens: &Lens, margin: f64| {
@@ -111,7 +111,7 @@ impl OpticalSetup {
             }
         };
         ReferencePatch {
-            projector_px: rect(&self.projector, 0.3),
+            projector_px: rect(&self.projector, 0.15),
             camera_px: rect(&self.camera, -0.15),
         }
     }

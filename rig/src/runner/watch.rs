@@ -32,8 +32,10 @@ const LEAST_BRIGHT_ROW: f64 = 0.1;
 const MOST_UNSYNCED: f64 = 0.03;
 /// Probes of a piece of the curve.
 const PIECE: usize = 64;
+/// Brightest over darkest value of a piece: a camera's response is straight within.
+const WIDEST: f64 = 1.2;
 /// Probes that a row needs to be judged.
-const LEAST_PROBES: f64 = 8.0;
+const LEAST_PROBES: u32 = 8;
 
 /// What is doubtful about a frame, though it was kept.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
@@ -245,31 +247,39 @@ fn out_of_sync(before: &Seen, now: &Seen, full: f64, height: u32) -> Option<Warn
         .filter(|(_, a, b)| b - long.min > LEAST_BRIGHT_ROW * full && b > a)
         .collect();
     points.sort_by(|p, q| p.1.total_cmp(&q.1));
-    let mut rows = vec![(0.0, 0.0); PROBES[1]];
-    let mut scatter = Vec::new();
-    for piece in points.chunks(PIECE).filter(|piece| piece.len() == PIECE) {
+    // Sums of deviations and of their variance, and the number of probes, of each row.
+    let mut rows = vec![(0.0, 0.0, 0_u32); PROBES[1]];
+    let narrow = |piece: &&[(usize, f64, f64)]| {
+        let ends = piece.first().zip(piece.last());
+        piece.len() == PIECE && ends.is_some_and(|(first, last)| last.1 < WIDEST * first.1)
+    };
+    for piece in points.chunks(PIECE).filter(narrow) {
         let n = PIECE as f64;
         let mean = |of: &dyn Fn(&(usize, f64, f64)) -> f64| piece.iter().map(of).sum::<f64>() / n;
         let (x, y) = (mean(&|p| p.1), mean(&|p| p.2));
         let (xx, xy) = (mean(&|p| (p.1 - x).powi(2)), mean(&|p| (p.1 - x) * (p.2 - y)));
         // An even picture has no slope to find.
         let slope = if xx > 1.0 { xy / xx } else { 0.0 };
+        let off = |p: &(usize, f64, f64)| (p.2 - y - slope * (p.1 - x)) / (y - long.min).max(1.0);
+        let mut scatter: Vec<f64> = piece.iter().map(|p| off(p).abs()).collect();
+        scatter.sort_by(f64::total_cmp);
+        // Of a normal distribution, of which a few values may be anything; a frame without any
+        // noise still has steps.
+        let sigma = (scatter[PIECE / 2] / 0.6745).max(1e-4);
         for p in piece {
-            let off = (p.2 - y - slope * (p.1 - x)) / (y - long.min).max(1.0);
-            rows[p.0].0 += off;
-            rows[p.0].1 += 1.0;
-            scatter.push(off.abs());
+            let row = &mut rows[p.0];
+            row.0 += off(p);
+            row.1 += sigma * sigma;
+            row.2 += 1;
         }
     }
-    scatter.sort_by(f64::total_cmp);
-    // Of a normal distribution, of which a few values may be anything.
-    let sigma = scatter.get(scatter.len() / 2)? / 0.6745;
-    let off = |row: usize| rows[row].0 / rows[row].1;
+    let off = |row: usize| rows[row].0 / f64::from(rows[row].2);
     let worst = (0..PROBES[1])
-        .filter(|&row| rows[row].1 >= LEAST_PROBES)
+        .filter(|&row| rows[row].2 >= LEAST_PROBES)
         .max_by(|&a, &b| off(a).abs().total_cmp(&off(b).abs()))?;
     let change = off(worst);
-    let significant = change.abs() > 6.0 * sigma / rows[worst].1.sqrt();
+    // One of 64 rows of some hundred frames is 4 sigma off by chance.
+    let significant = rows[worst].0.abs() > 6.0 * rows[worst].1.sqrt();
     let height = height as usize;
     (change.abs() > MOST_UNSYNCED && significant)
         .then(|| Warning::OutOfSync { row: probed(worst, PROBES[1], height) as u32, change })
