@@ -165,6 +165,10 @@ fn adaptive_exposures_are_chosen_once(base: &Path) {
     set(&told, "bracket_s", "[0.0333334, 0.9, 2.7]");
     let refused = diaphane(["status", text(&told)]);
     assert!(refused.code == 2 && refused.stderr.contains("exposures.json"), "{}", refused.stderr);
+    set(&told, BRACKET.0, BRACKET.1);
+    set(&told, "regions", "[2, 1]");
+    let refused = diaphane(["plan", text(&told)]);
+    assert!(refused.code == 2 && refused.stderr.contains("first pattern"), "{}", refused.stderr);
     std::fs::write(told.join("exposures.json"), "{").unwrap();
     let refused = diaphane(["merge", text(&told)]);
     assert!(refused.code == 2 && refused.stderr.contains("exposures.json"), "{}", refused.stderr);
