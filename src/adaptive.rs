@@ -180,7 +180,7 @@ pub(crate) fn take(
             taken += shoot(&first)?.taken;
             let chosen = choose(session)?;
             session.write_json(CHOICE, &chosen, Overwrite::Refuse)?;
-            eprintln!("{}", text(&chosen.choice));
+            eprintln!("exposures: {}", text(&chosen.choice));
             chosen
         }
     };
@@ -202,7 +202,7 @@ pub(crate) fn take(
 pub(crate) fn text(choice: &ExposureChoice) -> String {
     let times: Vec<String> = choice.exposures_s.iter().map(|t| format!("{t:.3}")).collect();
     format!(
-        "exposures: {} s do for every pattern, in {:.1} s where the bracket takes {:.1} s",
+        "{} s do for every pattern, in {:.1} s where the bracket takes {:.1} s",
         times.join(" "),
         choice.time_s,
         choice.bracket_time_s
