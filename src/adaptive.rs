@@ -13,8 +13,8 @@ use crate::session::Session;
 use calibration::{HdrImage, NoiseModel, Response, rectify};
 use material::{Input, Overwrite};
 use rig::{
-    ChannelBrightness, ExposureChoice, FrameNoise, NoiseGoal, Outcome, Plan, SampleScheme, Shot,
-    choose_exposures, frame_path,
+    ChannelBrightness, ExposureChoice, FrameNoise, NoiseGoal, Outcome, Pattern, Plan, SampleScheme,
+    Shot, choose_exposures, frame_path,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -61,8 +61,9 @@ pub(crate) struct Chosen {
     /// The bracket that they are a part of, seconds.
     bracket_s: Vec<f64>,
     pub choice: ExposureChoice,
-    /// The pattern that was looked at.
+    /// The shot that was looked at, and what it showed.
     shot: String,
+    pattern: Pattern,
     goal: NoiseGoal,
     /// What the solver adds to the noise, as a share of a picture's brightest cell.
     model_error: f64,
@@ -92,24 +93,37 @@ impl Chosen {
         if session.config.plan.brackets == Brackets::Full || !path.exists() {
             return Ok(None);
         }
-        let found: Self = session.read_json(CHOICE, "diaphane capture SESSION").map_err(|e| {
-            e.hint(format!("move {} aside; diaphane capture makes it again", path.display()))
-        })?;
+        let move_aside =
+            || format!("move {} aside; diaphane capture makes it again", path.display());
+        let found: Self = session
+            .read_json(CHOICE, "diaphane capture SESSION")
+            .map_err(|e| e.hint(move_aside()))?;
         let asked = session.sample_bracket_s();
-        let times = [&found.choice.exposures_s]
-            .into_iter()
-            .chain(found.extended_s.iter().flat_map(BTreeMap::values));
-        let known = times.flatten().all(|t| found.bracket_s.contains(t));
-        if found.bracket_s != asked || found.choice.exposures_s.is_empty() || !known {
+        let changed = |what: &str| {
+            let error =
+                format!("{}: chosen for another {what} than session.toml has now", path.display());
+            Err(Failure::input(error).hint(format!(
+                "change it back, or go on elsewhere: diaphane branch {} OTHER",
+                session.folder().display()
+            )))
+        };
+        if found.bracket_s != asked {
+            return changed(&format!("bracket ({:?} s, not {asked:?} s)", found.bracket_s));
+        }
+        let plan = session.acquisition().capture_plan();
+        if plan.shots.get(SEEN_IN_FULL - 1).is_none_or(|seen| seen.pattern != found.pattern) {
+            return changed("first pattern");
+        }
+        let extended = found.extended_s.iter().flat_map(BTreeMap::values).flatten();
+        let mut times = found.choice.exposures_s.iter().chain(extended);
+        if found.choice.exposures_s.is_empty() || !times.all(|t| asked.contains(t)) {
             let error = format!(
-                "{}: expected a choice from the exposures {asked:?} s, found one of {:?} s from {:?} s",
+                "{}: expected exposures of the bracket {asked:?} s, found {:?} s and {:?}",
                 path.display(),
                 found.choice.exposures_s,
-                found.bracket_s
+                found.extended_s
             );
-            return Err(Failure::input(error).hint(
-                "the exposures in session.toml were changed after the choice: change them back, or make another session",
-            ));
+            return Err(Failure::input(error).hint(move_aside()));
         }
         Ok(Some(found))
     }
@@ -166,7 +180,7 @@ pub(crate) fn take(
             taken += shoot(&first)?.taken;
             let chosen = choose(session)?;
             session.write_json(CHOICE, &chosen, Overwrite::Refuse)?;
-            eprintln!("{}", text(&chosen.choice));
+            eprintln!("exposures: {}", text(&chosen.choice));
             chosen
         }
     };
@@ -188,7 +202,7 @@ pub(crate) fn take(
 pub(crate) fn text(choice: &ExposureChoice) -> String {
     let times: Vec<String> = choice.exposures_s.iter().map(|t| format!("{t:.3}")).collect();
     format!(
-        "exposures: {} s do for every pattern, in {:.1} s where the bracket takes {:.1} s",
+        "{} s do for every pattern, in {:.1} s where the bracket takes {:.1} s",
         times.join(" "),
         choice.time_s,
         choice.bracket_time_s
@@ -253,6 +267,7 @@ fn choose(session: &Session) -> Result<Chosen, Failure> {
         bracket_s,
         choice,
         shot: seen.name.clone(),
+        pattern: seen.pattern.clone(),
         goal: GOAL,
         model_error,
         pixels_per_cell,

@@ -1,6 +1,7 @@
 //! `diaphane doctor`: is this machine, and a session on it, fit for the work?
 
 use crate::Failure;
+use crate::adaptive::{Brackets, Chosen, text};
 use crate::commands::calibrate;
 use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
 use crate::commands::verify::{RESULT, Verification};
@@ -221,6 +222,13 @@ fn files(session: &Session) -> Vec<Check> {
     )];
     if !matches!(session.config.rig, RigConfig::Imported) {
         out.push(frames(session));
+    }
+    if session.config.plan.brackets == Brackets::Adaptive {
+        out.push(match Chosen::read(session) {
+            Ok(None) => Check::note("exposures", "not chosen yet", "diaphane capture chooses them"),
+            Ok(Some(chosen)) => Check::found("exposures", text(&chosen.choice)),
+            Err(e) => Check::missing("exposures", e.error, e.hint.unwrap_or_default()),
+        });
     }
     let mut check = |name, file: &str, command: &str, read: &dyn Fn() -> Result<(), Failure>| {
         let command = command.replace("SESSION", &session.folder().display().to_string());

@@ -1,6 +1,7 @@
 //! `diaphane solve`: κ and μ of every voxel.
 
 use crate::Failure;
+use crate::adaptive::CHOICE;
 use crate::cli::STOP;
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
@@ -237,9 +238,10 @@ fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenanc
     for name in ["session.toml", ARRAYS, "measurement/measurement.json"] {
         inputs.push(Input::from_file(name, &session.path(name))?);
     }
-    let calibration = "calibration/calibration.json";
-    if session.path(calibration).is_file() {
-        inputs.push(Input::from_file(calibration, &session.path(calibration))?);
+    for name in ["calibration/calibration.json", CHOICE] {
+        if session.path(name).is_file() {
+            inputs.push(Input::from_file(name, &session.path(name))?);
+        }
     }
     let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let seed = match &session.config.rig {

@@ -10,7 +10,10 @@ const RIGHT: f64 = 190.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 52.0;
 
-/// A line: its name, colour, dashes, and its points: electrons, and a figure over the plain plan's.
+/// For bounds.
+const DASHED: &str = "stroke-dasharray=\"4 4\"";
+
+/// A line: its name, colour, dashes as an attribute, and its points: electrons, and a figure over the plain plan's.
 struct Line {
     name: &'static str,
     colour: &'static str,
@@ -38,14 +41,14 @@ pub(crate) fn draw(groups: &[&[Row]]) -> String {
         line("bright places", "#c0392b", "", PlanKind::Multiplexed, &noise(0)),
         line("middling places", "#1e8449", "", PlanKind::Multiplexed, &noise(1)),
         line("dark places", "#2471a3", "", PlanKind::Multiplexed, &noise(2)),
-        line("half", "#888888", "4 4", PlanKind::Plain, &|_, _| 0.5),
+        line("half", "#888888", DASHED, PlanKind::Plain, &|_, _| 0.5),
         line("plain", "#888888", "", PlanKind::Plain, &|_, _| 1.0),
     ];
     let lower = [
         line("adaptive", "#c0392b", "", PlanKind::Adaptive, &time),
         line("adaptive, noise alone", "#2471a3", "", PlanKind::AdaptiveStrict, &time),
         line("multiplexed, adaptive", "#1e8449", "", PlanKind::MultiplexedAdaptive, &time),
-        line("a third", "#888888", "4 4", PlanKind::Plain, &|_, _| 1.0 / 3.0),
+        line("a third", "#888888", DASHED, PlanKind::Plain, &|_, _| 1.0 / 3.0),
         line("plain", "#888888", "", PlanKind::Plain, &|_, _| 1.0),
     ];
     let mut svg = format!(
@@ -113,7 +116,7 @@ fn panel(svg: &mut String, top: f64, title: &str, lines: &[Line]) {
         let (at, right) = (top + TOP + 16.0 + 20.0 * n as f64, WIDTH - RIGHT + 14.0);
         let _ = write!(
             svg,
-            "<g stroke=\"{0}\" stroke-dasharray=\"{1}\" fill=\"none\" stroke-width=\"1.5\"><polyline points=\"{2}\"/>\
+            "<g stroke=\"{0}\" {1} fill=\"none\" stroke-width=\"1.5\"><polyline points=\"{2}\"/>\
              <path d=\"M{right} {3}h24\"/></g><text x=\"{4}\" y=\"{at}\">{5}</text>",
             line.colour,
             line.dashes,
