@@ -42,6 +42,6 @@ pub use projector_control::{
 };
 pub use protocol_error::ProtocolError;
 pub use scan::{SerialPort, UsbAdapter, scan_serial_ports, usb_adapter};
-pub use self_test::{Check, CheckResult, test_projector_control, test_stage};
+pub use self_test::{Check, CheckResult, test_display, test_projector_control, test_stage};
 pub use stage::{Coordinate, Degrees, Millimetres, Range, Stage, StageAxis};
 pub use zaber::Zaber;

@@ -164,7 +164,7 @@ impl Process {
             .process_group(0)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(Stdio::piped())
             .spawn();
         let mut child = started.map_err(|error| DeviceError::Unsupported {
             device: NAME.into(),
@@ -173,6 +173,12 @@ impl Process {
         let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(disconnected());
         };
+        let errors = child.stderr.take();
+        // Drivers chatter; only the last words of a window that never opens are of interest.
+        let last_words = std::thread::spawn(move || {
+            let lines = errors.into_iter().flat_map(|pipe| BufReader::new(pipe).lines());
+            lines.map_while(Result::ok).filter(|line| !line.trim().is_empty()).last()
+        });
         // Threads, so that a window that hangs holds nobody up: whoever waits does so for a while.
         let (orders, coming) = channel::<Order>();
         std::thread::spawn(move || {
@@ -194,8 +200,16 @@ impl Process {
             }
         });
         let window = Self { child, orders: Some(orders), replies };
-        window.answer(START)?;
-        Ok(window)
+        match window.answer(START) {
+            Ok(()) => Ok(window),
+            Err(DeviceError::Disconnected { device }) => {
+                drop(window);
+                let words = last_words.join().ok().flatten().unwrap_or_default();
+                let reason = format!("the process that opens it ended: {words}");
+                Err(DeviceError::Unsupported { device, reason })
+            }
+            Err(error) => Err(error),
+        }
     }
 
     fn order(&self, order: Order) -> Result<(), DeviceError> {
