@@ -200,7 +200,8 @@ impl ApplicationHandler<Next> for Projection {
                     let _ = shown.picture.present();
                 }
             }
-            WindowEvent::CloseRequested | WindowEvent::Destroyed => {
+            // Unless it is us who end it.
+            WindowEvent::CloseRequested | WindowEvent::Destroyed if !events.exiting() => {
                 answer(&Reply::Gone);
                 events.exit();
             }
