@@ -215,6 +215,28 @@ fn a_window_that_is_lost_is_told_and_opens_again() {
     assert!(error.to_string().contains(&name), "{error}");
 }
 
+/// Whoever kills a capture finds no window left over the desktop.
+#[test]
+fn a_window_goes_when_nobody_gives_it_orders_any_more() {
+    let screen = VirtualScreen::start(WIDTH, HEIGHT).expect("Xvfb");
+    let monitor = list_monitors(Some(screen.server())).unwrap()[0].name.clone();
+    let mut window = Command::new(env!("CARGO_BIN_EXE_diaphane"))
+        .args(["projector-window", &monitor])
+        .env("DISPLAY", screen.server())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut told = String::new();
+    BufReader::new(window.stdout.take().unwrap()).read_line(&mut told).unwrap();
+    assert_eq!(told, "\"Done\"\n");
+    let desk = Desk::new(screen.server());
+    assert_eq!(desk.windows().len(), 1);
+    drop(window.stdin.take());
+    assert!(window.wait().unwrap().success());
+    assert!(desk.windows().is_empty());
+}
+
 #[test]
 fn a_monitor_that_is_not_there_is_told_with_those_that_are() {
     let screen = VirtualScreen::start(WIDTH, HEIGHT).expect("Xvfb");
