@@ -65,6 +65,13 @@ enum Command {
     Study(study::Args),
     /// Acquire a material on the simulated rig, from nothing to a report
     Demo(demo::Args),
+    /// The projector's window, as a process of its own; a capture starts it and tells it what to do
+    #[command(name = ::rig::devices::display::WINDOW_COMMAND, hide = true)]
+    #[command(after_help = "Example:\n  diaphane projector-window HDMI-1 < /dev/null")]
+    Window {
+        /// Name of the monitor
+        monitor: String,
+    },
 }
 
 /// Set by Ctrl-C; long work ends at the next good place.
@@ -152,5 +159,9 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Forward(args) => forward::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Window { monitor } => {
+            ::rig::devices::display::run_window(&monitor)?;
+            Ok(Done::new(serde_json::Value::Null, ""))
+        }
     }
 }

@@ -170,6 +170,16 @@ pub struct ProjectorConfig {
 pub enum DisplayConfig {
     /// The one of the simulated rig.
     Simulated {},
+    /// A window on one of this computer's monitors, which the projector is.
+    Window {
+        /// The monitor's name, as `diaphane rig list` prints it.
+        monitor: String,
+        /// The X display server, such as `:0`, where it is not the one that this session works at.
+        server: Option<String>,
+        /// What the projector itself takes from a new picture to its light, milliseconds.
+        #[serde(default = "settle_ms")]
+        settle_ms: f64,
+    },
 }
 
 /// `[projector.control]`. `input` is selected once the projector is on; `warm_up_s` is the longest
@@ -351,6 +361,10 @@ pub struct ZaberAxisConfig {
 /// Lamps take one to two minutes, and up to three attempts.
 fn warm_up_s() -> f64 {
     180.0
+}
+
+fn settle_ms() -> f64 {
+    1e3 * crate::devices::display::SETTLE_S
 }
 
 fn pjlink_port() -> u16 {

@@ -9,7 +9,7 @@ use crate::measurement::{ARRAYS, Measured};
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
 use material::{Material, hash_file};
-use rig::{Event, read_journal};
+use rig::{DeviceErrorKind, Event, read_journal};
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -72,6 +72,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         writable(&folder),
         Check::found("OpenCV", calibration::opencv_version()),
         graphics(),
+        projector(),
         Check::note(
             "devices",
             "the simulated rig; projectors' remote controls and stages: diaphane rig list",
@@ -212,6 +213,27 @@ fn graphics() -> Check {
         yes(device)
     );
     Check::note("graphics", found, "not needed: this version computes on the processor")
+}
+
+/// Whether a projector could show pictures.
+fn projector() -> Check {
+    let name = "projector";
+    match rig::devices::list_monitors(None) {
+        Ok(monitors) if !monitors.is_empty() => {
+            let all: Vec<String> = monitors.iter().map(ToString::to_string).collect();
+            Check::found(name, format!("monitors that it can be: {}", all.join(", ")))
+        }
+        Ok(_) => Check::note(name, "no monitor shows a picture", "plug the projector in"),
+        Err(error) => {
+            let advice = match error.kind() {
+                DeviceErrorKind::MissingDriver => {
+                    "build with the feature display (it is a default one, on Linux) to show pictures"
+                }
+                _ => "only needed to show pictures: log in to a desktop with X",
+            };
+            Check::note(name, error.to_string(), advice)
+        }
+    }
 }
 
 /// Every file that a session says it has.

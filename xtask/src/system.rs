@@ -18,6 +18,15 @@ const NEEDS: &[Need] = &[
     Need { packages: &["libclang1", "libclang-dev"], what_for: "reads OpenCV's headers" },
     Need { packages: &["libvulkan1"], what_for: "Vulkan, for computing on the GPU" },
     Need { packages: &["mesa-vulkan-drivers"], what_for: "Vulkan where there is no GPU" },
+    Need { packages: &["libx11-xcb1"], what_for: "the projector's window" },
+    Need { packages: &["libxcursor1"], what_for: "the projector's window" },
+    Need { packages: &["libxi6"], what_for: "the projector's window" },
+    Need { packages: &["libxkbcommon-x11-0"], what_for: "the projector's window" },
+    Need { packages: &["xvfb"], what_for: "a screen in memory, for tests and the twin" },
+    Need { packages: &["imagemagick"], what_for: "looks at screens, for tests" },
+    Need { packages: &["xserver-xorg-core"], what_for: "two screens in memory, for tests" },
+    Need { packages: &["xserver-xorg-video-dummy"], what_for: "two screens in memory, for tests" },
+    Need { packages: &["x11-xserver-utils"], what_for: "two screens in memory, for tests" },
 ];
 
 /// Makes sure that the packages are there: installs them where there is the right to, else

@@ -8,6 +8,7 @@
 pub mod benq;
 mod connection;
 pub(crate) mod controlled;
+pub mod display;
 pub mod epson;
 pub mod grbl;
 pub(crate) mod hands;
@@ -28,6 +29,7 @@ pub mod zaber;
 pub use benq::Benq;
 pub use connection::Connection;
 pub use controlled::Parking;
+pub use display::{Monitor, find_monitor, list_monitors};
 pub use epson::Epson;
 pub use grbl::Grbl;
 pub use hands::HandsProgram;
@@ -40,6 +42,6 @@ pub use projector_control::{
 };
 pub use protocol_error::ProtocolError;
 pub use scan::{SerialPort, UsbAdapter, scan_serial_ports, usb_adapter};
-pub use self_test::{Check, CheckResult, test_projector_control, test_stage};
+pub use self_test::{Check, CheckResult, test_display, test_projector_control, test_stage};
 pub use stage::{Coordinate, Degrees, Millimetres, Range, Stage, StageAxis};
 pub use zaber::Zaber;

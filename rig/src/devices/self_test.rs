@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::{Coordinate, Fault, PowerState, ProjectorControl, Severity, Stage};
-use crate::DeviceError;
+use crate::{DeviceError, Projector, ProjectorImage, ProjectorInfo};
 
 /// How one check went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -46,6 +46,26 @@ impl Check {
     fn skipped(name: impl Into<String>, found: impl Into<String>) -> Self {
         Self { name: name.into(), result: CheckResult::Skipped, found: found.into() }
     }
+}
+
+/// Flashes pictures up: white, black, and every other pixel, each of which has to stand.
+pub fn test_display(display: &mut dyn Projector) -> Vec<Check> {
+    let ProjectorInfo { name, width, height } = display.info();
+    let checker = |x: u32, y: u32| if (x + y).is_multiple_of(2) { u8::MAX } else { 0 };
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| checker(x, y))).collect();
+    let flat = |level: u8| vec![level; width as usize * height as usize];
+    let pictures = [("white", flat(u8::MAX)), ("black", flat(0)), ("pixels", pixels)];
+    let mut checks = Vec::new();
+    for (what, data) in pictures {
+        let shown = display.show(&ProjectorImage { width, height, data });
+        let stood = shown.and_then(|()| display.still_shows());
+        let failed = stood.is_err();
+        checks.push(Check::of(what, stood.map(|()| format!("stood on {name}"))));
+        if failed {
+            break;
+        }
+    }
+    checks
 }
 
 /// Asks a projector for its state, lamp and faults, and, if it is on, selects `input` and mutes and

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{ControlConfig, RigFile, RigFileError, StageConfig};
+use super::{ControlConfig, DisplayConfig, RigFile, RigFileError, StageConfig};
 
 /// A value that is wrong, in a file that is not named yet.
 pub(super) struct Problem {
@@ -39,6 +39,14 @@ impl RigFile {
         if nothing {
             let parts = "a [camera], a [projector.display], a [projector.control] or a [stage]";
             return wrong("the file", parts, "none");
+        }
+        if let Some(DisplayConfig::Window { monitor, settle_ms, .. }) = &self.projector.display {
+            if monitor.trim().is_empty() {
+                return wrong("projector.display.monitor", "a name, such as HDMI-1", "nothing");
+            }
+            if !(0.0..=5000.0).contains(settle_ms) {
+                return wrong("projector.display.settle_ms", "0 to 5000", settle_ms);
+            }
         }
         if let Some(control) = &self.projector.control {
             check_control(control)?;

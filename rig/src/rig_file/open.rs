@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use super::{CameraConfig, ControlConfig, DisplayConfig, Letter, StageConfig};
+#[cfg(all(feature = "display", target_os = "linux"))]
+use crate::devices::display::{Display, WindowProgram};
 use crate::devices::zaber::ZaberAxis;
 use crate::devices::{
     Benq, Epson, Grbl, Optoma, Patience, Pjlink, ProjectorControl, Stage, StageAxis, Zaber,
@@ -16,12 +18,15 @@ pub enum Address {
     Serial(String),
     /// At a TCP port of a host.
     Tcp(String, u16),
+    /// A monitor of this computer.
+    Monitor(String),
 }
 
 impl std::fmt::Display for Address {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Serial(path) => f.write_str(path),
+            Self::Monitor(name) => f.write_str(name),
             Self::Tcp(host, port) => write!(f, "{host}:{port}"),
         }
     }
@@ -74,10 +79,20 @@ impl DisplayConfig {
     pub fn driver(&self) -> &'static str {
         match self {
             Self::Simulated {} => "simulated",
+            Self::Window { .. } => "window",
         }
     }
 
-    /// What shows pictures, dark until it is given one.
+    /// Where it is; `None` for one in software.
+    pub fn address(&self) -> Option<Address> {
+        match self {
+            Self::Simulated {} => None,
+            Self::Window { monitor, .. } => Some(Address::Monitor(monitor.clone())),
+        }
+    }
+
+    /// What shows pictures, dark until it is given one. A window is a process of its own: this
+    /// program once more, which has to see to it ([`crate::devices::display::WINDOW_COMMAND`]).
     ///
     /// # Errors
     /// It is not there, not free, or this program was built without its driver.
@@ -87,6 +102,15 @@ impl DisplayConfig {
     ) -> Result<Box<dyn Projector>, DeviceError> {
         match self {
             Self::Simulated {} => simulated.display(),
+            #[cfg(all(feature = "display", target_os = "linux"))]
+            Self::Window { monitor, server, settle_ms } => {
+                // What is not a duration was refused when the file was read.
+                let settle = Duration::try_from_secs_f64(settle_ms / 1e3).unwrap_or_default();
+                let program = WindowProgram::this();
+                Ok(Box::new(Display::open(server.as_deref(), monitor, settle, &program)?))
+            }
+            #[cfg(not(all(feature = "display", target_os = "linux")))]
+            Self::Window { .. } => Err(crate::devices::display::missing()),
         }
     }
 }

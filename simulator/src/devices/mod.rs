@@ -11,7 +11,11 @@ mod grbl;
 mod optoma;
 mod pjlink;
 mod projector;
+#[cfg(all(feature = "display", target_os = "linux"))]
+mod screen;
 mod stage;
+#[cfg(all(feature = "display", target_os = "linux"))]
+mod twin;
 mod wire;
 mod zaber;
 
@@ -21,6 +25,10 @@ pub use grbl::GrblEmulator;
 pub use optoma::OptomaEmulator;
 pub use pjlink::PjlinkEmulator;
 pub use projector::{ProjectorSpec, SimulatedProjector};
+#[cfg(all(feature = "display", target_os = "linux"))]
+pub use screen::{Screen, VirtualScreen};
 pub use stage::{SimulatedStage, StageFailure};
+#[cfg(all(feature = "display", target_os = "linux"))]
+pub use twin::TwinCamera;
 pub use wire::{Protocol, Wire, WireFault};
 pub use zaber::ZaberEmulator;

@@ -3,7 +3,7 @@
 use super::{Simulated, permission};
 use crate::Failure;
 use crate::output::Done;
-use ::rig::devices::{SerialPort, scan_serial_ports};
+use ::rig::devices::{SerialPort, find_monitor, list_monitors, scan_serial_ports};
 use ::rig::{Address, CameraConfig, DeviceError, DeviceErrorKind, DisplayConfig, RigFile};
 use serde::Serialize;
 use serde_json::json;
@@ -11,8 +11,9 @@ use std::path::PathBuf;
 
 /// What is connected, and what is in the way
 ///
-/// With a rig file: each of its devices, asked for a sign of life. Without one: the serial ports
-/// of this machine; each is opened for a moment, which restarts boards with GRBL.
+/// With a rig file: each of its devices, asked for a sign of life. Without one: the monitors and
+/// the serial ports of this machine; each port is opened for a moment, which restarts boards with
+/// GRBL.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig list\n  diaphane rig list rig.toml")]
 pub(crate) struct Args {
@@ -64,7 +65,7 @@ impl State {
 
 #[derive(Serialize)]
 struct Device {
-    /// The part of the rig; `serial port` where there is no rig file.
+    /// The part of the rig; `monitor` or `serial port` where there is no rig file.
     part: &'static str,
     driver: Option<&'static str>,
     address: Option<String>,
@@ -99,6 +100,29 @@ impl Device {
         Self { part, driver: Some(driver), address, state, found, advice }
     }
 
+    /// The monitors of this machine, or why they are not known.
+    fn monitors() -> Vec<Self> {
+        let part = "monitor";
+        match list_monitors(None) {
+            Ok(monitors) => monitors
+                .into_iter()
+                .map(|monitor| Self {
+                    part,
+                    driver: Some("window"),
+                    found: format!("{monitor} at {}, {}", monitor.x, monitor.y),
+                    address: Some(monitor.name),
+                    state: State::Found,
+                    advice: None,
+                })
+                .collect(),
+            Err(error) => {
+                let advice = permission::advice(error.kind(), Some(&Address::Monitor("".into())));
+                let (state, found) = (State::of(&error), error.to_string());
+                vec![Self { part, driver: Some("window"), address: None, state, found, advice }]
+            }
+        }
+    }
+
     fn port(port: SerialPort) -> Self {
         let mut found = match &port.usb {
             Some(usb) => format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name),
@@ -119,7 +143,10 @@ impl Device {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let devices = match &args.rig {
         Some(path) => ask(&RigFile::read(path)?),
-        None => scan_serial_ports().into_iter().map(Device::port).collect(),
+        None => {
+            let ports = scan_serial_ports().into_iter().map(Device::port);
+            Device::monitors().into_iter().chain(ports).collect()
+        }
     };
     let mut text = String::new();
     for device in &devices {
@@ -131,7 +158,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             text += &format!("{:15}{line}\n", "");
         }
     }
-    if devices.is_empty() {
+    if args.rig.is_none() && devices.iter().all(|device| device.part != "serial port") {
         text += "no serial ports; projectors on the network are found by their address alone: write a rig file, docs/devices.md has examples";
     }
     let bad = devices.iter().filter(|device| !device.state.good()).count();
@@ -157,6 +184,12 @@ fn ask(file: &RigFile) -> Vec<Device> {
     }
     match &file.projector.display {
         Some(DisplayConfig::Simulated {}) => devices.push(Device::fake("projector")),
+        Some(config @ DisplayConfig::Window { monitor, server, .. }) => {
+            // Looked for only: a window would flash up on whatever is shown there.
+            let answer =
+                find_monitor(server.as_deref(), monitor).map(|monitor| monitor.to_string());
+            devices.push(Device::new("projector", config.driver(), config.address(), answer));
+        }
         None => {}
     }
     if let Some(config) = &file.projector.control {

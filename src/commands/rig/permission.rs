@@ -9,7 +9,17 @@ pub(super) fn advice(kind: DeviceErrorKind, address: Option<&Address>) -> Option
         Some(Address::Serial(path)) => Some(path.as_str()),
         _ => None,
     };
+    let monitor = matches!(address, Some(Address::Monitor(_)));
     Some(match (kind, serial) {
+        (DeviceErrorKind::NotFound, None) if monitor => {
+            "is the projector plugged in and switched on, and a desktop with X running (DISPLAY is its name)? What is there: diaphane rig list".into()
+        }
+        (DeviceErrorKind::MissingDriver, _) if monitor => {
+            "build with it: cargo build --release (it is part of the default features, on Linux)".into()
+        }
+        (DeviceErrorKind::Unsupported, None) if monitor => {
+            "a Vulkan driver has to be there; where the graphics device has none: sudo apt-get install mesa-vulkan-drivers".into()
+        }
         (DeviceErrorKind::NoPermission, Some(path)) => {
             format!("{}\n{}", group(), udev_rule(path, usb_adapter(path).as_ref()))
         }

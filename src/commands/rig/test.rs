@@ -5,9 +5,10 @@ use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
 use ::rig::devices::{
-    Check, CheckResult, PowerState, ProjectorControl, power_on, test_projector_control, test_stage,
+    Check, CheckResult, PowerState, ProjectorControl, power_on, test_display,
+    test_projector_control, test_stage,
 };
-use ::rig::{Address, ControlConfig, DeviceError, RigFile, StageConfig};
+use ::rig::{Address, ControlConfig, DeviceError, DisplayConfig, RigFile, StageConfig};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
@@ -16,7 +17,8 @@ use std::time::Duration;
 
 /// Try each device for a moment
 ///
-/// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on. Each
+/// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on; white,
+/// black and every other pixel flash up on it. Each
 /// axis of a stage goes 1 mm or 1° away and back: see that nothing is in its way.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig test rig.toml\n  \
@@ -55,6 +57,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(config) = &file.projector.control {
         tested.push(test_control(config, args));
     }
+    if let Some(config) = &file.projector.display {
+        tested.push(flash(config));
+    }
     if let Some(config) = &file.stage {
         tested.push(move_stage(config, args));
     }
@@ -71,7 +76,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         }
     }
     if tested.is_empty() {
-        return Err(nothing(&args.rig, "neither a [projector.control] nor a [stage] to test"));
+        return Err(nothing(&args.rig, "neither a [projector] nor a [stage] to test"));
     }
     let fails = |check: &&Check| check.result == CheckResult::Fail;
     let first = tested
@@ -131,6 +136,23 @@ fn test_control(config: &ControlConfig, args: &Args) -> Tested {
     advice = advice.or_else(|| what_helps(&answers, again, config.address().as_ref()));
     checks.extend(answers);
     Tested { part: "projector control", driver: config.driver(), checks, advice }
+}
+
+fn flash(config: &DisplayConfig) -> Tested {
+    let (part, driver) = ("projector", config.driver());
+    match config.open(&Simulated::default()) {
+        Ok(mut display) => {
+            let mut checks = test_display(display.as_mut());
+            if let Err(error) = display.park() {
+                checks.push(step("park", Err(error), None).0);
+            }
+            Tested { part, driver, checks, advice: None }
+        }
+        Err(error) => {
+            let (opened, advice) = step("open", Err(error), config.address().as_ref());
+            Tested { part, driver, checks: vec![opened], advice }
+        }
+    }
 }
 
 fn switch_on(projector: &mut dyn ProjectorControl, limit: Duration) -> Result<(), DeviceError> {
