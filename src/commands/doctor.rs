@@ -2,12 +2,14 @@
 
 use crate::Failure;
 use crate::commands::calibrate;
+use crate::commands::rig::how_to_get;
 use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
 use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
 use material::{Material, hash_file};
+use rig::devices::camera::CameraDriver;
 use rig::{Event, read_journal};
 use serde::Serialize;
 use serde_json::json;
@@ -71,12 +73,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         writable(&folder),
         Check::found("OpenCV", calibration::opencv_version()),
         graphics(),
-        Check::note(
-            "devices",
-            "the simulated rig; projectors' remote controls and stages: diaphane rig list",
-            "this version drives no cameras; pictures taken elsewhere come in with: diaphane import",
-        ),
+        Check::found("devices", "which are connected: diaphane rig list"),
     ];
+    checks.extend(CameraDriver::ALL.map(camera_driver));
     if let Some(session) = &session {
         checks.extend(files(session));
     }
@@ -211,6 +210,16 @@ fn graphics() -> Check {
         yes(device)
     );
     Check::note("graphics", found, "not needed: this version computes on the processor")
+}
+
+/// Whether this program speaks to a kind of camera, or how it would.
+fn camera_driver(driver: CameraDriver) -> Check {
+    if driver.is_built() {
+        Check::found(driver.name(), driver.what_for())
+    } else {
+        let found = format!("not built: {}", driver.what_for());
+        Check::note(driver.name(), found, &how_to_get(driver))
+    }
 }
 
 /// Every file that a session says it has.

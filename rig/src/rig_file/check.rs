@@ -18,7 +18,7 @@ impl Problem {
     }
 }
 
-fn wrong(
+pub(super) fn wrong(
     key: impl Into<String>,
     expected: impl Into<String>,
     found: impl ToString,
@@ -39,6 +39,9 @@ impl RigFile {
         if nothing {
             let parts = "a [camera], a [projector.display], a [projector.control] or a [stage]";
             return wrong("the file", parts, "none");
+        }
+        if let Some(camera) = &self.camera {
+            camera.check()?;
         }
         if let Some(control) = &self.projector.control {
             check_control(control)?;

@@ -20,7 +20,7 @@ mod zaber;
 pub use benq::BenqEmulator;
 pub use epson::{EpsonEmulator, Prompt};
 #[cfg(all(feature = "aravis", target_os = "linux"))]
-pub use gige::GigeCamera;
+pub use gige::{GigeCamera, GigeFault};
 pub use grbl::GrblEmulator;
 pub use optoma::OptomaEmulator;
 pub use pjlink::PjlinkEmulator;

@@ -1,13 +1,18 @@
 //! `diaphane rig test`: try each device for a moment.
 
-use super::{Simulated, nothing, permission};
+use super::{Simulated, camera, permission};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
+use ::rig::devices::camera::test_camera;
 use ::rig::devices::{
     Check, CheckResult, PowerState, ProjectorControl, power_on, test_projector_control, test_stage,
 };
-use ::rig::{Address, ControlConfig, DeviceError, RigFile, StageConfig};
+use ::rig::{
+    Address, CameraConfig, ControlConfig, DeviceError, DisplayConfig, Frame, Projector,
+    ProjectorImage, ProjectorInfo, RigFile, StageConfig,
+};
+use material::Overwrite;
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
@@ -16,11 +21,12 @@ use std::time::Duration;
 
 /// Try each device for a moment
 ///
-/// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on. Each
-/// axis of a stage goes 1 mm or 1° away and back: see that nothing is in its way.
+/// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on; then it
+/// shows white. The camera takes three pictures, one of which is written to be looked at. Each axis of a stage goes 1 mm or 1° away and back: see that nothing is in its way.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig test rig.toml\n  \
-    diaphane rig test rig.toml --power --home")]
+    diaphane rig test rig.toml --power --home\n  \
+    diaphane rig test rig.toml --picture look.png")]
 pub(crate) struct Args {
     /// Rig file
     rig: PathBuf,
@@ -33,6 +39,12 @@ pub(crate) struct Args {
     /// Have the stage forget an alarm first; look at it before
     #[arg(long)]
     unlock: bool,
+    /// Where the camera's picture goes, PNG [default: beside the rig file, numbered]
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// Replace a picture that is there
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Serialize)]
@@ -55,6 +67,26 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(config) = &file.projector.control {
         tested.push(test_control(config, args));
     }
+    let simulated = Simulated::default();
+    let mut display = None;
+    if let Some(config) = &file.projector.display {
+        let (shown, opened) = show_white(config, &simulated);
+        tested.push(shown);
+        display = opened;
+    }
+    let mut picture = None;
+    if let Some(config) = &file.camera {
+        let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+        let path = camera::picture_path(args.picture.as_deref(), &args.rig, overwrite)?;
+        let (photographed, frame) = photograph(config, &simulated);
+        tested.push(photographed);
+        if let Some(frame) = frame {
+            camera::write_picture(&frame, &path, overwrite)?;
+            picture = Some(path);
+        }
+    }
+    // It has been seen; whether it goes dark again is seen by whoever stands there.
+    drop(display);
     if let Some(config) = &file.stage {
         tested.push(move_stage(config, args));
     }
@@ -70,14 +102,14 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             text += &format!("  {mark:5} {:10} {}\n", check.name, check.found);
         }
     }
-    if tested.is_empty() {
-        return Err(nothing(&args.rig, "neither a [projector.control] nor a [stage] to test"));
+    if let Some(path) = &picture {
+        text += &format!("picture: {}\n", path.display());
     }
     let fails = |check: &&Check| check.result == CheckResult::Fail;
     let first = tested
         .iter()
         .find_map(|device| device.checks.iter().find(fails).map(|check| (device, check.clone())));
-    let json = json!({ "pass": first.is_none(), "devices": tested });
+    let json = json!({ "pass": first.is_none(), "devices": tested, "picture": picture });
     if let Some((device, check)) = first {
         eprint!("{text}");
         return Err(Failure {
@@ -114,6 +146,43 @@ fn what_helps(
 ) -> Option<String> {
     checks.iter().find(|check| check.result == CheckResult::Fail)?;
     permission::advice(again()?.kind(), address)
+}
+
+/// Has the projector show white, so that the camera sees something.
+fn show_white(
+    config: &DisplayConfig,
+    simulated: &Simulated,
+) -> (Tested, Option<Box<dyn Projector>>) {
+    let (part, driver) = ("projector", config.driver());
+    let shown = config.open(simulated).and_then(|mut projector| {
+        let ProjectorInfo { width, height, .. } = projector.info();
+        let data = vec![u8::MAX; width as usize * height as usize];
+        projector.show(&ProjectorImage { width, height, data })?;
+        Ok((format!("{width} x {height} pixels"), projector))
+    });
+    let (result, found, projector) = match shown {
+        Ok((found, projector)) => (CheckResult::Pass, found, Some(projector)),
+        Err(error) => (CheckResult::Fail, error.to_string(), None),
+    };
+    let checks = vec![Check { name: "white".into(), result, found }];
+    (Tested { part, driver, checks, advice: None }, projector)
+}
+
+fn photograph(config: &CameraConfig, simulated: &Simulated) -> (Tested, Option<Frame>) {
+    let (part, driver) = ("camera", config.driver());
+    let advice = |error: &DeviceError| camera::advice(config.camera_driver()?, error);
+    match config.open(simulated) {
+        Ok(mut opened) => {
+            let (checks, frame) = test_camera(opened.as_mut());
+            (Tested { part, driver, checks, advice: None }, frame)
+        }
+        Err(error) => {
+            let advice = advice(&error);
+            let (name, result, found) = ("open".into(), CheckResult::Fail, error.to_string());
+            let checks = vec![Check { name, result, found }];
+            (Tested { part, driver, checks, advice }, None)
+        }
+    }
 }
 
 fn test_control(config: &ControlConfig, args: &Args) -> Tested {

@@ -9,6 +9,7 @@ mod aravis;
 mod mosaic;
 mod pixels;
 mod select;
+mod self_test;
 mod usb;
 
 #[cfg(all(feature = "aravis", target_os = "linux"))]
@@ -16,6 +17,7 @@ pub use aravis::{Aravis, GenicamSettings};
 pub use mosaic::{Mosaic, superpixels};
 pub use pixels::{Colour, Packing, PixelError, PixelFormat, Pixels};
 pub use select::CameraChoice;
+pub use self_test::test_camera;
 pub use usb::usb_device;
 
 use crate::DeviceError;
@@ -72,6 +74,22 @@ impl CameraDriver {
             Self::Aravis => usb::closed(usb::USB3_VISION, self),
         }
     }
+}
+
+/// All cameras that the drivers of this program find, each opened for a moment to see whether it is
+/// free.
+pub fn scan_cameras() -> Vec<FoundCamera> {
+    let found = CameraDriver::ALL.into_iter().filter(|driver| driver.is_built());
+    let mut found: Vec<_> = found.flat_map(CameraDriver::scan).collect();
+    for camera in found.iter_mut().filter(|camera| camera.problem.is_none()) {
+        camera.problem = match camera.driver {
+            #[cfg(all(feature = "aravis", target_os = "linux"))]
+            CameraDriver::Aravis => aravis::is_free(camera).err(),
+            #[cfg(not(all(feature = "aravis", target_os = "linux")))]
+            CameraDriver::Aravis => None,
+        };
+    }
+    found
 }
 
 /// A camera that is there.

@@ -17,15 +17,15 @@ pub mod register {
     pub const OFFSET_Y: u32 = 0x134;
     pub const TRIGGER_MODE: u32 = 0x300;
     pub const TRIGGER_SOURCE: u32 = 0x304;
-    /// Aravis' fake sends a frame when this is 1.
-    pub const SEND: u32 = 0x30C;
     /// Ours: whoever wants a frame writes 1.
     pub const REQUEST: u32 = 0x400;
     /// Ours: thousandths of a degree above absolute zero, so that no sign is needed.
     pub const TEMPERATURE_MK: u32 = 0x404;
     /// GigE Vision's own: its address.
     pub const ADDRESS: u32 = 0x24;
-    /// GigE Vision's own: bytes a packet of the stream.
+    /// GigE Vision's own: where the stream goes, and bytes a packet of it.
+    pub const STREAM_PORT: u32 = 0xD00;
+    pub const STREAM_ADDRESS: u32 = 0xD18;
     pub const PACKET_SIZE: u32 = 0xD04;
     /// GigE Vision's own: who made it and what it is, 32 bytes each.
     pub const MAKER: u32 = 0x48;

@@ -1,9 +1,9 @@
-//! A camera on a network: GigE Vision, played by Aravis' fake camera, with pictures of ours.
+//! A camera on a network: GigE Vision, played by the registers of Aravis' fake camera, with pictures of ours.
 
 mod description;
+mod stream;
 
-use std::ffi::c_void;
-use std::net::{Ipv4Addr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
@@ -12,7 +12,11 @@ use std::time::Duration;
 use aravis::glib::translate::ToGlibPtr;
 use rig::{Camera, CameraInfo, DeviceError, Frame};
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
 use description::{Description, EXPOSURES_US, FREEZING_MK, register};
+use stream::{Picture, send};
 
 /// A camera served over GigE Vision, for any program that speaks it.
 ///
@@ -28,31 +32,38 @@ use description::{Description, EXPOSURES_US, FREEZING_MK, register};
 /// It ends when it is dropped.
 pub struct GigeCamera {
     taker: Option<JoinHandle<()>>,
-    // Before what it points to.
-    fake: aravis::GvFakeCamera,
     shared: Arc<Shared>,
+    /// Answers as long as it lives.
+    _fake: aravis::GvFakeCamera,
 }
 
-/// What the thread that takes pictures and the one that sends them share.
+/// What goes wrong on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GigeFault {
+    /// This share of all packets is lost, 0 to 1.
+    Lose(f64),
+    /// Frames say that they have another size than the camera was set to.
+    OtherSize,
+    /// Frames say that they have another pixel format.
+    OtherFormat,
+}
+
+/// What the camera and the thread that takes its pictures share.
 struct Shared {
     ends: AtomicBool,
-    width: u32,
-    height: u32,
-    /// Of a value.
-    bytes: usize,
-    /// The next picture, of the whole sensor, as it is sent.
-    picture: Mutex<Vec<u8>>,
+    fault: Mutex<Option<GigeFault>>,
     /// What went wrong last.
     failure: Mutex<Option<DeviceError>>,
 }
 
 /// How often it is looked whether somebody wants a frame.
 const LOOK: Duration = Duration::from_millis(1);
-/// How often a second the fake looks whether there is one to be sent.
-const SENDS_HZ: f64 = 1000.0;
-/// Of a packet of the stream: what large Ethernet frames carry. The fewer there are the fewer get
-/// lost where the receiver is slow.
-const PACKET: u32 = 8192;
+/// A format that this camera does not have, of as many bits as those that it has.
+const YUV_422: u32 = 0x0210_001F;
+/// Bytes a packet, if nobody asks for another: all Ethernet carries that.
+const PACKET: u32 = 1400;
+/// Packets are lost by chance, but alike each time.
+const SEED: u64 = 1;
 /// Where cameras are asked and told things.
 const CONTROL_PORT: u16 = 3956;
 /// Longest serial number and names of GigE Vision, less the zero at their end.
@@ -90,7 +101,9 @@ impl GigeCamera {
         });
         let file = file.map_err(|e| unsupported(format!("its description: {e}")))?;
         let path = file.path().to_str().ok_or_else(|| unsupported("its description".into()))?;
-        require_free_port(interface)?;
+        let address = free_address(interface)?;
+        let socket = UdpSocket::bind((address, 0))
+            .map_err(|error| unsupported(format!("a socket at {address}: {error}")))?;
         // It reads the file at once; nobody needs it afterwards.
         let fake = aravis::GvFakeCamera::new_full(Some(interface), Some(serial), Some(path));
         let registers = fake.fake_camera().ok_or_else(|| unsupported("no registers".into()))?;
@@ -101,6 +114,7 @@ impl GigeCamera {
             (register::SENSOR_WIDTH, width),
             (register::SENSOR_HEIGHT, height),
             (register::PIXEL_FORMAT, code),
+            // Or the fake would send pictures of its own.
             (register::TRIGGER_MODE, 1),
             (register::TRIGGER_SOURCE, 1),
             (register::PACKET_SIZE, PACKET),
@@ -109,35 +123,27 @@ impl GigeCamera {
         }
         write_text(&registers, register::MAKER, "Diaphane");
         write_text(&registers, register::MODEL, &info.name);
-        registers.set_trigger_frequency(SENDS_HZ);
         let shared = Arc::new(Shared {
             ends: AtomicBool::new(false),
-            width,
-            height,
-            bytes: if info.bit_depth == 8 { 1 } else { 2 },
-            picture: Mutex::new(Vec::new()),
+            fault: Mutex::new(None),
             failure: Mutex::new(None),
         });
-        // SAFETY: `fill` takes what it is given for `Shared`, which outlives the fake's thread: the
-        // fake is dropped first, and ends its thread then.
-        unsafe {
-            let data = Arc::as_ptr(&shared).cast_mut().cast();
-            aravis_sys::arv_fake_camera_set_fill_pattern(
-                registers.to_glib_none().0,
-                Some(fill),
-                data,
-            );
-        }
-        let taker = {
-            let shared = Arc::clone(&shared);
-            std::thread::spawn(move || take(camera.as_mut(), &registers, &shared))
+        let taker = Taker {
+            camera,
+            registers,
+            socket,
+            description,
+            shared: Arc::clone(&shared),
+            chance: ChaCha8Rng::seed_from_u64(SEED),
+            number: 0,
         };
-        Ok(Self { taker: Some(taker), fake, shared })
+        let taker = Some(std::thread::spawn(|| taker.work()));
+        Ok(Self { taker, shared, _fake: fake })
     }
 
-    /// Has a share of all packets lost from now on, 0 to 1.
-    pub fn lose(&self, share: f64) {
-        self.fake.set_gvsp_lost_ratio(share.clamp(0.0, 1.0));
+    /// Has something go wrong from now on, or nothing any more.
+    pub fn set_fault(&self, fault: Option<GigeFault>) {
+        *whole(&self.shared.fault) = fault;
     }
 
     /// Why there was no frame when one was asked for last, if there was none: on the wire one that
@@ -162,9 +168,9 @@ fn whole<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
     lock.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
-/// Fails where the interface has no address, or somebody has its port. The fake itself says that it
-/// runs in either case.
-fn require_free_port(interface: &str) -> Result<(), DeviceError> {
+/// The address of an interface, if nobody serves a camera there. The fake itself says that it runs
+/// also where it got no port.
+fn free_address(interface: &str) -> Result<Ipv4Addr, DeviceError> {
     let fake = aravis::GvFakeCamera::new(Some(interface), None);
     let address = fake.fake_camera().and_then(|there| there.read_register(register::ADDRESS));
     drop(fake);
@@ -172,7 +178,7 @@ fn require_free_port(interface: &str) -> Result<(), DeviceError> {
         return Err(DeviceError::NotFound { device: format!("network interface {interface}") });
     };
     match UdpSocket::bind((address, CONTROL_PORT)) {
-        Ok(_) => Ok(()),
+        Ok(_) => Ok(address),
         Err(_) => Err(DeviceError::Busy {
             device: format!("port {CONTROL_PORT} (GigE Vision) of {address}"),
         }),
@@ -219,34 +225,92 @@ fn write_text(registers: &aravis::FakeCamera, address: u32, text: &str) {
     }
 }
 
-/// Takes a picture whenever somebody wants one. Not in the fake's own thread: a picture may take
-/// longer than a camera may be silent.
-fn take(camera: &mut dyn Camera, registers: &aravis::FakeCamera, shared: &Shared) {
-    while !shared.ends.load(Ordering::Relaxed) {
-        if registers.read_register(register::REQUEST) != Some(1) {
-            std::thread::sleep(LOOK);
-            continue;
-        }
-        registers.write_register(register::REQUEST, 0);
-        let [shortest, longest] = EXPOSURES_US;
-        let exposure_us =
-            registers.read_register(register::EXPOSURE_US).unwrap_or(0).clamp(shortest, longest);
-        let taken = camera
-            .expose(f64::from(exposure_us) / 1e6)
-            .and_then(|frame| Ok((frame, camera.readback()?.temperature_c)));
-        match taken {
-            Ok((frame, temperature_c)) => {
-                if let Some(celsius) = temperature_c {
-                    let thousandths = celsius * 1000.0 + FREEZING_MK;
-                    registers.write_register(register::TEMPERATURE_MK, thousandths as u32);
-                }
-                *whole(&shared.picture) = bytes(&frame, shared.bytes);
-                *whole(&shared.failure) = None;
-                registers.write_register(register::SEND, 1);
+/// What the thread works with that takes pictures and sends them. The fake, in its own thread, only
+/// answers questions: a picture may take longer than a camera may be silent.
+struct Taker {
+    camera: Box<dyn Camera>,
+    registers: aravis::FakeCamera,
+    socket: UdpSocket,
+    description: Description,
+    shared: Arc<Shared>,
+    chance: ChaCha8Rng,
+    /// Of the frame; it is never 0.
+    number: u16,
+}
+
+impl Taker {
+    /// Takes and sends a picture whenever somebody wants one.
+    fn work(mut self) {
+        while !self.shared.ends.load(Ordering::Relaxed) {
+            if self.registers.read_register(register::REQUEST) != Some(1) {
+                std::thread::sleep(LOOK);
+                continue;
             }
-            Err(error) => *whole(&shared.failure) = Some(error),
+            self.registers.write_register(register::REQUEST, 0);
+            *whole(&self.shared.failure) = self.answer().err();
         }
     }
+
+    fn register(&self, address: u32) -> u32 {
+        self.registers.read_register(address).unwrap_or(0)
+    }
+
+    fn answer(&mut self) -> Result<(), DeviceError> {
+        let [shortest, longest] = EXPOSURES_US;
+        let exposure_us = self.register(register::EXPOSURE_US).clamp(shortest, longest);
+        let frame = self.camera.expose(f64::from(exposure_us) / 1e6)?;
+        if let Some(celsius) = self.camera.readback()?.temperature_c {
+            let thousandths = celsius * 1000.0 + FREEZING_MK;
+            self.registers.write_register(register::TEMPERATURE_MK, thousandths as u32);
+        }
+        if self.register(register::ACQUISITION) == 0 {
+            // Nobody wants it any more.
+            return Ok(());
+        }
+        let part = [register::OFFSET_X, register::OFFSET_Y, register::WIDTH, register::HEIGHT];
+        let [x, y, mut width, height] = part.map(|address| self.register(address));
+        let each = if self.description.format.1 >> 16 & 0xFF == 8 { 1 } else { 2 };
+        let sent = bytes(&frame, each);
+        let sent = cut(&sent, self.description.width as usize * each, [x, y, width, height], each);
+        let mut format = self.description.format.1;
+        let fault = *whole(&self.shared.fault);
+        let lost = match fault {
+            Some(GigeFault::Lose(share)) => share,
+            _ => 0.0,
+        };
+        match fault {
+            Some(GigeFault::OtherSize) => width += 2,
+            Some(GigeFault::OtherFormat) => format = YUV_422,
+            _ => {}
+        }
+        let picture = Picture { format, width, height, offset: [x, y], bytes: &sent };
+        let address = Ipv4Addr::from_bits(self.register(register::STREAM_ADDRESS));
+        let to = SocketAddrV4::new(address, self.register(register::STREAM_PORT) as u16);
+        let size = self.register(register::PACKET_SIZE) as u16;
+        self.number = self.number.checked_add(1).unwrap_or(1);
+        let sent = send(
+            &self.socket,
+            to,
+            self.number,
+            usize::from(size),
+            &picture,
+            lost,
+            &mut self.chance,
+        );
+        sent.map_err(|error| DeviceError::Unsupported {
+            device: format!("stream to {to}"),
+            reason: error.to_string(),
+        })
+    }
+}
+
+/// Part of a picture with rows of `stride` bytes: left, top, width and height. What lies outside
+/// of it is left out.
+fn cut(picture: &[u8], stride: usize, part: [u32; 4], each: usize) -> Vec<u8> {
+    let [left, top, width, height] = part.map(|value| value as usize);
+    let rows = picture.chunks_exact(stride.max(1)).skip(top).take(height);
+    let columns = left.saturating_mul(each)..left.saturating_add(width).saturating_mul(each);
+    rows.filter_map(|row| row.get(columns.clone())).flatten().copied().collect()
 }
 
 /// The picture as it is sent: values of one or two bytes, the low one first.
@@ -267,52 +331,4 @@ fn bytes(frame: &Frame, each: usize) -> Vec<u8> {
         }
     }
     out
-}
-
-/// Puts the wanted part of the picture into the fake's buffer.
-unsafe extern "C" fn fill(
-    buffer: *mut aravis_sys::ArvBuffer,
-    data: *mut c_void,
-    _exposure_us: u32,
-    _gain: u32,
-    _format: aravis_sys::ArvPixelFormat,
-) {
-    // SAFETY: `data` is what was given with this function, see `serve`.
-    let shared = unsafe { &*data.cast::<Shared>() };
-    let mut size = 0;
-    let part = |ask: unsafe extern "C" fn(*mut aravis_sys::ArvBuffer) -> i32| {
-        // SAFETY: the fake has just written into this buffer what is asked for.
-        u32::try_from(unsafe { ask(buffer) }).unwrap_or(0)
-    };
-    let [left, top, width, height] = [
-        aravis_sys::arv_buffer_get_image_x,
-        aravis_sys::arv_buffer_get_image_y,
-        aravis_sys::arv_buffer_get_image_width,
-        aravis_sys::arv_buffer_get_image_height,
-    ]
-    .map(part);
-    // SAFETY: a buffer that lives; the size that comes back is that of what was received, nothing.
-    let to = unsafe { aravis_sys::arv_buffer_get_data(buffer, &mut size) };
-    if to.is_null() {
-        return;
-    }
-    let picture = whole(&shared.picture);
-    let row = width as usize * shared.bytes;
-    let within =
-        |first: u32, count: u32, of: u32| first.checked_add(count).is_some_and(|e| e <= of);
-    let inside = within(left, width, shared.width) && within(top, height, shared.height);
-    for y in 0..height {
-        // A part that is not inside of the picture stays dark.
-        let line = inside.then(|| (top + y) as usize * shared.width as usize + left as usize);
-        let line = line.map(|first| first * shared.bytes);
-        let line = line.and_then(|from| picture.get(from..from + row));
-        // SAFETY: the fake made the buffer for width x height values, of whose rows this is one.
-        unsafe {
-            let to = to.add(y as usize * row);
-            match line {
-                Some(line) => std::ptr::copy_nonoverlapping(line.as_ptr(), to, row),
-                None => std::ptr::write_bytes(to, 0, row),
-            }
-        }
-    }
 }

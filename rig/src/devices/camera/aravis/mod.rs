@@ -9,9 +9,13 @@ use std::time::{Duration, Instant};
 
 use aravis::glib::object::Cast;
 use aravis::prelude::*;
-use aravis::{Buffer, BufferPayloadType, BufferStatus, GvDevice, GvStreamOption};
+use aravis::{
+    Buffer, BufferPayloadType, BufferStatus, GvDevice, GvStream, GvStreamOption,
+    GvStreamSocketBuffer,
+};
 
-use super::FoundCamera;
+use super::self_test::RETAKEN;
+use super::{FoundCamera, PixelFormat};
 use crate::{Camera, CameraInfo, DeviceError, Frame, Readback};
 use library::device_error;
 pub use library::scan;
@@ -56,6 +60,8 @@ const TRANSFER: Duration = Duration::from_secs(3);
 const LOOK: Duration = Duration::from_millis(100);
 /// A network that loses parts of four frames in a row needs somebody.
 const RETAKES: u32 = 3;
+/// Room for packets that is asked for at least, bytes.
+const SOCKET: i32 = 4 << 20;
 /// One is filled while the other is looked at.
 const BUFFERS: usize = 2;
 
@@ -156,9 +162,23 @@ impl Camera for Aravis {
         let told = settings::readback(&connection.camera, connection.set.start);
         let mut told = told.map_err(|error| self.give_up(device_error(&device, &error)))?;
         if retaken > 0 {
-            told.settings.insert("frames retaken".into(), retaken.to_string());
+            told.settings.insert(RETAKEN.into(), retaken.to_string());
         }
         Ok(told)
+    }
+}
+
+/// Whether nobody else has a camera; it is not told anything.
+///
+/// # Errors
+/// Somebody has, or it may not be opened.
+pub fn is_free(found: &FoundCamera) -> Result<(), DeviceError> {
+    let device = found.to_string();
+    let camera = aravis::Camera::new(Some(&found.id)).map_err(|e| device_error(&device, &e))?;
+    let inner = camera.device();
+    match inner.as_ref().and_then(|inner| inner.downcast_ref::<GvDevice>()) {
+        Some(gige) if !gige.is_controller() => Err(DeviceError::Busy { device }),
+        _ => Ok(()),
     }
 }
 
@@ -188,6 +208,13 @@ impl Connection {
         let payload = camera.payload().map_err(|error| wrong(&error))?;
         let stream = library::create_stream(&camera).map_err(|error| wrong(&error))?;
         let Some(stream) = stream else { return Err(DeviceError::Busy { device }) };
+        if let Some(gige) = stream.downcast_ref::<GvStream>() {
+            // Room for a whole frame and some, as far as the system allows: the camera does not
+            // wait while this program has no turn.
+            let room = i32::try_from(payload).unwrap_or(i32::MAX).max(SOCKET);
+            gige.set_socket_buffer(GvStreamSocketBuffer::Fixed);
+            gige.set_socket_buffer_size(room);
+        }
         for _ in 0..BUFFERS {
             stream.push_buffer(Buffer::new_allocate(payload as usize));
         }
@@ -287,6 +314,10 @@ impl Connection {
         let [w, h] = [buffer.image_width(), buffer.image_height()];
         if [w, h].map(i64::from) != [width, height].map(i64::from) {
             return Err(nonsense(format!("{width} x {height} pixels"), format!("{w} x {h}")));
+        }
+        let code = buffer.image_pixel_format().raw();
+        if PixelFormat::of_code(code) != Some(format) {
+            return Err(nonsense(format!("{format:?}"), format!("pixel format {code:#010x}")));
         }
         let Some((bytes, padding)) = library::image(buffer) else {
             return Err(nonsense("a picture".into(), "no bytes".into()));
