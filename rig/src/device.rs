@@ -222,6 +222,22 @@ pub enum DeviceError {
         /// The device.
         device: String,
     },
+    /// Nothing that is there is called that.
+    #[error("{device}: not found; {}", there_is(there))]
+    NoneSuch {
+        /// What was looked for.
+        device: String,
+        /// What is there instead.
+        there: Vec<String>,
+    },
+    /// More than one thing is called that.
+    #[error("{device}: {} are called that: {}", matching.len(), matching.join("; "))]
+    Ambiguous {
+        /// What was looked for.
+        device: String,
+        /// All that it may be.
+        matching: Vec<String>,
+    },
     /// It is there, but this user may not open it.
     #[error("{device}: no permission to open {path}")]
     NoPermission {
@@ -304,6 +320,13 @@ pub enum DeviceError {
     },
 }
 
+fn there_is(there: &[String]) -> String {
+    match there {
+        [] => "there is none".into(),
+        there => format!("there is {}", there.join("; ")),
+    }
+}
+
 /// What a [`DeviceError`] amounts to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -311,6 +334,8 @@ pub enum DeviceError {
 pub enum DeviceErrorKind {
     /// Not there.
     NotFound,
+    /// Not clear which.
+    Ambiguous,
     /// Not allowed.
     NoPermission,
     /// Not in this build.
@@ -347,7 +372,8 @@ impl DeviceError {
     /// What the error amounts to.
     pub fn kind(&self) -> DeviceErrorKind {
         match self {
-            Self::NotFound { .. } => DeviceErrorKind::NotFound,
+            Self::NotFound { .. } | Self::NoneSuch { .. } => DeviceErrorKind::NotFound,
+            Self::Ambiguous { .. } => DeviceErrorKind::Ambiguous,
             Self::NoPermission { .. } => DeviceErrorKind::NoPermission,
             Self::MissingDriver { .. } => DeviceErrorKind::MissingDriver,
             Self::Busy { .. } => DeviceErrorKind::Busy,

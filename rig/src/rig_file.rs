@@ -1,6 +1,7 @@
 //! The rig file: which devices a rig consists of, where they are, and how far they may go.
 
 mod assemble;
+mod camera;
 mod check;
 mod open;
 
@@ -9,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use camera::CameraConfig;
 pub use open::{Address, SimulatedDevices};
 
 use crate::devices::{Coordinate, Degrees, Millimetres, Range, StageAxis};
@@ -144,14 +146,6 @@ impl PlaceTarget {
 /// Time for somebody to walk over.
 fn hands_limit_s() -> f64 {
     600.0
-}
-
-/// `[camera]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum CameraConfig {
-    /// The one of the simulated rig.
-    Simulated {},
 }
 
 /// `[projector]`.

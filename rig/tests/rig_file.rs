@@ -87,6 +87,41 @@ fn values_that_make_no_sense_are_named() {
     assert!(!secret.contains("se cret"), "{secret}");
 }
 
+const CAMERA: &str = r#"
+version = 1
+[camera]
+driver = "aravis"
+name = "acA1920"
+serial = "40012345"
+pixel_format = "BayerRG12"
+gain = 3.0
+roi = [8, 16, 640, 480]
+"#;
+
+#[test]
+fn a_camera_is_read_and_written_back_and_its_slips_are_named() {
+    let file = parse(CAMERA).unwrap();
+    assert_eq!(parse(&toml::to_string(&file).unwrap()).unwrap(), file);
+    for (from, to, key) in [
+        ("\"acA1920\"", "\" \"", "camera.name"),
+        ("\"40012345\"", "\"\"", "camera.serial"),
+        ("\"BayerRG12\"", "\"12 bits\"", "camera.pixel_format"),
+        ("3.0", "nan", "camera.gain"),
+        ("640, 480", "0, 480", "camera.roi"),
+        ("8, 16", "4294967295, 16", "camera.roi"),
+    ] {
+        assert!(CAMERA.contains(from), "{from}");
+        match parse(&CAMERA.replacen(from, to, 1)) {
+            Err(RigFileError::Value { key: found, .. }) => assert_eq!(found, key),
+            other => panic!("{to}: {other:?}"),
+        }
+    }
+    assert!(matches!(
+        parse(&CAMERA.replacen("640, 480", "-1, 480", 1)),
+        Err(RigFileError::Syntax { .. })
+    ));
+}
+
 #[test]
 fn two_devices_cannot_share_a_port_and_a_rig_is_not_nothing() {
     let shared = r#"

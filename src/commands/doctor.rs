@@ -3,12 +3,14 @@
 use crate::Failure;
 use crate::adaptive::{Brackets, Chosen, text};
 use crate::commands::calibrate;
+use crate::commands::rig::how_to_get;
 use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
 use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
 use material::{Material, hash_file};
+use rig::devices::camera::CameraDriver;
 use rig::{DeviceErrorKind, Event, read_journal};
 use serde::Serialize;
 use serde_json::json;
@@ -73,12 +75,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Check::found("OpenCV", calibration::opencv_version()),
         graphics(),
         projector(),
-        Check::note(
-            "devices",
-            "the simulated rig; projectors' remote controls and stages: diaphane rig list",
-            "this version drives no cameras; pictures taken elsewhere come in with: diaphane import",
-        ),
+        Check::found("devices", "which are connected: diaphane rig list"),
     ];
+    checks.extend(CameraDriver::ALL.map(camera_driver));
     if let Some(session) = &session {
         checks.extend(files(session));
     }
@@ -233,6 +232,16 @@ fn projector() -> Check {
             };
             Check::note(name, error.to_string(), advice)
         }
+    }
+}
+
+/// Whether this program speaks to a kind of camera, or how it would.
+fn camera_driver(driver: CameraDriver) -> Check {
+    if driver.is_built() {
+        Check::found(driver.name(), driver.what_for())
+    } else {
+        let found = format!("not built: {}", driver.what_for());
+        Check::note(driver.name(), found, &how_to_get(driver))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Projectors and stages behind their makers' protocols.
+//! Cameras, projectors and stages behind their makers' protocols.
 //!
 //! A driver speaks over a [`Link`], which knows nothing of protocols; what comes back goes through
 //! a parser that is a pure function of bytes. [`ProjectorControl`] and [`Stage`] are what the rest
@@ -6,6 +6,7 @@
 //! of the wire.
 
 pub mod benq;
+pub mod camera;
 mod connection;
 pub(crate) mod controlled;
 pub mod display;

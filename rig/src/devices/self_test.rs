@@ -31,7 +31,7 @@ pub struct Check {
 }
 
 impl Check {
-    fn of(name: impl Into<String>, outcome: Result<String, DeviceError>) -> Self {
+    pub(super) fn of(name: impl Into<String>, outcome: Result<String, DeviceError>) -> Self {
         let (result, found) = match outcome {
             Ok(found) => (CheckResult::Pass, found),
             Err(error) => (CheckResult::Fail, error.to_string()),
@@ -39,11 +39,11 @@ impl Check {
         Self { name: name.into(), result, found }
     }
 
-    fn fail(name: impl Into<String>, found: impl Into<String>) -> Self {
+    pub(super) fn fail(name: impl Into<String>, found: impl Into<String>) -> Self {
         Self { name: name.into(), result: CheckResult::Fail, found: found.into() }
     }
 
-    fn skipped(name: impl Into<String>, found: impl Into<String>) -> Self {
+    pub(super) fn skipped(name: impl Into<String>, found: impl Into<String>) -> Self {
         Self { name: name.into(), result: CheckResult::Skipped, found: found.into() }
     }
 }

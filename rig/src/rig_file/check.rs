@@ -18,7 +18,7 @@ impl Problem {
     }
 }
 
-fn wrong(
+pub(super) fn wrong(
     key: impl Into<String>,
     expected: impl Into<String>,
     found: impl ToString,
@@ -47,6 +47,9 @@ impl RigFile {
             if !(0.0..=5000.0).contains(settle_ms) {
                 return wrong("projector.display.settle_ms", "0 to 5000", settle_ms);
             }
+        }
+        if let Some(camera) = &self.camera {
+            camera.check()?;
         }
         if let Some(control) = &self.projector.control {
             check_control(control)?;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{CameraConfig, ControlConfig, DisplayConfig, Letter, StageConfig};
+use super::{ControlConfig, DisplayConfig, Letter, StageConfig};
 #[cfg(all(feature = "display", target_os = "linux"))]
 use crate::devices::display::{Display, WindowProgram};
 use crate::devices::zaber::ZaberAxis;
@@ -53,25 +53,6 @@ pub trait SimulatedDevices {
     fn control(&self) -> Box<dyn ProjectorControl>;
     /// A stage with these axes.
     fn stage(&self, axes: Vec<StageAxis>) -> Box<dyn Stage>;
-}
-
-impl CameraConfig {
-    /// The driver's name in the file.
-    pub fn driver(&self) -> &'static str {
-        match self {
-            Self::Simulated {} => "simulated",
-        }
-    }
-
-    /// The camera, ready to expose.
-    ///
-    /// # Errors
-    /// It is not there, not free, or this program was built without its driver.
-    pub fn open(&self, simulated: &dyn SimulatedDevices) -> Result<Box<dyn Camera>, DeviceError> {
-        match self {
-            Self::Simulated {} => simulated.camera(),
-        }
-    }
 }
 
 impl DisplayConfig {

@@ -7,6 +7,8 @@
 
 mod benq;
 mod epson;
+#[cfg(all(feature = "aravis", target_os = "linux"))]
+mod gige;
 mod grbl;
 mod optoma;
 mod pjlink;
@@ -21,6 +23,8 @@ mod zaber;
 
 pub use benq::BenqEmulator;
 pub use epson::{EpsonEmulator, Prompt};
+#[cfg(all(feature = "aravis", target_os = "linux"))]
+pub use gige::{GigeCamera, GigeFault};
 pub use grbl::GrblEmulator;
 pub use optoma::OptomaEmulator;
 pub use pjlink::PjlinkEmulator;

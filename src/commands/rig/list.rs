@@ -1,19 +1,19 @@
 //! `diaphane rig list`: what is connected, and what is in the way.
 
-use super::{Simulated, permission};
+use super::{Simulated, camera, permission};
 use crate::Failure;
 use crate::output::Done;
 use ::rig::devices::{SerialPort, find_monitor, list_monitors, scan_serial_ports};
-use ::rig::{Address, CameraConfig, DeviceError, DeviceErrorKind, DisplayConfig, RigFile};
+use ::rig::{Address, DeviceError, DeviceErrorKind, DisplayConfig, RigFile};
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
 
 /// What is connected, and what is in the way
 ///
-/// With a rig file: each of its devices, asked for a sign of life. Without one: the monitors and
-/// the serial ports of this machine; each port is opened for a moment, which restarts boards with
-/// GRBL.
+/// With a rig file: each of its devices, asked for a sign of life. Without one: the cameras that are
+/// found, the monitors and the serial ports of this machine; each port is opened for a moment, which
+/// restarts boards with GRBL.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig list\n  diaphane rig list rig.toml")]
 pub(crate) struct Args {
@@ -31,6 +31,10 @@ enum State {
     Busy,
     NotFound,
     NoAnswer,
+    /// More than one may be meant.
+    Ambiguous,
+    /// This program was built without its driver.
+    NotBuilt,
     /// It answers that it is not well, or what nobody understands.
     Trouble,
 }
@@ -42,6 +46,8 @@ impl State {
             DeviceErrorKind::NoPermission => Self::NoPermission,
             DeviceErrorKind::Busy => Self::Busy,
             DeviceErrorKind::Timeout => Self::NoAnswer,
+            DeviceErrorKind::Ambiguous => Self::Ambiguous,
+            DeviceErrorKind::MissingDriver => Self::NotBuilt,
             _ => Self::Trouble,
         }
     }
@@ -54,6 +60,8 @@ impl State {
             Self::Busy => "BUSY",
             Self::NotFound => "NOT FOUND",
             Self::NoAnswer => "NO ANSWER",
+            Self::Ambiguous => "AMBIGUOUS",
+            Self::NotBuilt => "NOT BUILT",
             Self::Trouble => "TROUBLE",
         }
     }
@@ -123,6 +131,16 @@ impl Device {
         }
     }
 
+    fn camera(answer: camera::Answer) -> Self {
+        let (part, driver) = ("camera", Some(answer.driver.name()));
+        let (state, found) = match answer.outcome {
+            Ok((found, true)) => (State::Fake, found),
+            Ok((found, false)) => (State::Found, found),
+            Err(error) => (State::of(&error), error.to_string()),
+        };
+        Self { part, driver, address: answer.address, state, found, advice: answer.advice }
+    }
+
     fn port(port: SerialPort) -> Self {
         let mut found = match &port.usb {
             Some(usb) => format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name),
@@ -144,8 +162,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let devices = match &args.rig {
         Some(path) => ask(&RigFile::read(path)?),
         None => {
+            let cameras = camera::list().into_iter().map(Device::camera);
             let ports = scan_serial_ports().into_iter().map(Device::port);
-            Device::monitors().into_iter().chain(ports).collect()
+            cameras.chain(Device::monitors()).chain(ports).collect()
         }
     };
     let mut text = String::new();
@@ -157,6 +176,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         for line in device.advice.iter().flat_map(|advice| advice.lines()) {
             text += &format!("{:15}{line}\n", "");
         }
+    }
+    if args.rig.is_none() && devices.iter().all(|device| device.part != "camera") {
+        text += "no cameras\n";
     }
     if args.rig.is_none() && devices.iter().all(|device| device.part != "serial port") {
         text += "no serial ports; projectors on the network are found by their address alone: write a rig file, docs/devices.md has examples";
@@ -178,9 +200,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 
 fn ask(file: &RigFile) -> Vec<Device> {
     let mut devices = Vec::new();
-    match &file.camera {
-        Some(CameraConfig::Simulated {}) => devices.push(Device::fake("camera")),
-        None => {}
+    if let Some(config) = &file.camera {
+        let answer = camera::ask(config, &Simulated::default());
+        devices.push(answer.map_or_else(|| Device::fake("camera"), Device::camera));
     }
     match &file.projector.display {
         Some(DisplayConfig::Simulated {}) => devices.push(Device::fake("projector")),

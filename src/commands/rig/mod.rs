@@ -1,5 +1,6 @@
 //! `diaphane rig`: the devices of a rig, without a session.
 
+mod camera;
 mod list;
 mod permission;
 mod rest;
@@ -11,6 +12,8 @@ use crate::output::Done;
 use ::rig::RigFileError;
 use clap::Subcommand;
 use std::path::Path;
+
+pub(crate) use camera::how_to_get;
 
 #[derive(Subcommand)]
 pub(crate) enum Args {

@@ -1,4 +1,4 @@
-//! The way out where a serial port may not be opened, is in use, or is not there.
+//! The way out where a port may not be opened, is in use, or is not there.
 
 use ::rig::devices::{UsbAdapter, usb_adapter};
 use ::rig::{Address, DeviceErrorKind};
@@ -55,8 +55,25 @@ fn udev_rule(path: &str, usb: Option<&UsbAdapter>) -> String {
         ),
         None => format!("KERNEL==\"{}\"", path.rsplit('/').next().unwrap_or(path)),
     };
+    rule("tty", &which)
+}
+
+/// What to type to have a device on USB, opened at `path`, opened to whoever sits at the machine.
+pub(super) fn usb_rule(path: &str, usb: Option<&UsbAdapter>) -> String {
+    let which = match usb {
+        Some(usb) => format!(
+            "ATTR{{idVendor}}==\"{:04x}\", ATTR{{idProduct}}==\"{:04x}\"",
+            usb.vendor, usb.product
+        ),
+        // Their nodes are called by bus and number.
+        None => format!("ENV{{DEVNAME}}==\"{path}\""),
+    };
+    rule("usb", &which)
+}
+
+fn rule(subsystem: &str, which: &str) -> String {
     format!(
-        "echo 'SUBSYSTEM==\"tty\", {which}, MODE=\"0660\", TAG+=\"uaccess\"' | sudo tee /etc/udev/rules.d/70-diaphane.rules\n\
+        "echo 'SUBSYSTEM==\"{subsystem}\", {which}, MODE=\"0660\", TAG+=\"uaccess\"' | sudo tee -a /etc/udev/rules.d/70-diaphane.rules\n\
          sudo udevadm control --reload && sudo udevadm trigger"
     )
 }
@@ -71,6 +88,9 @@ mod tests {
         let rule = udev_rule("/dev/ttyUSB0", Some(&usb));
         assert!(rule.contains(r#"ATTRS{idVendor}=="1a86", ATTRS{idProduct}=="7523""#), "{rule}");
         assert!(udev_rule("/dev/ttyS0", None).contains(r#"KERNEL=="ttyS0""#));
+        let rule = usb_rule("/dev/bus/usb/002/007", Some(&usb));
+        assert!(rule.contains(r#""usb", ATTR{idVendor}=="1a86""#), "{rule}");
+        assert!(usb_rule("/dev/bus/usb/002/007", None).contains("usb/002/007"));
         let port = Address::Serial("/dev/there-is-no-such-port".into());
         let told = advice(DeviceErrorKind::NoPermission, Some(&port)).unwrap_or_default();
         assert!(told.contains("dialout") && told.contains("udevadm"), "{told}");

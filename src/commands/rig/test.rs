@@ -1,14 +1,19 @@
 //! `diaphane rig test`: try each device for a moment.
 
-use super::{Simulated, nothing, permission};
+use super::{Simulated, camera, nothing, permission};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
+use ::rig::devices::camera::test_camera;
 use ::rig::devices::{
     Check, CheckResult, PowerState, ProjectorControl, power_on, test_display,
     test_projector_control, test_stage,
 };
-use ::rig::{Address, ControlConfig, DeviceError, DisplayConfig, RigFile, StageConfig};
+use ::rig::{
+    Address, CameraConfig, ControlConfig, DeviceError, DisplayConfig, Frame, Projector,
+    ProjectorImage, ProjectorInfo, RigFile, StageConfig,
+};
+use material::Overwrite;
 use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
@@ -18,11 +23,13 @@ use std::time::Duration;
 /// Try each device for a moment
 ///
 /// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on; white,
-/// black and every other pixel flash up on it. Each
-/// axis of a stage goes 1 mm or 1° away and back: see that nothing is in its way.
+/// black and every other pixel flash up on it. Then it shows white, and the camera takes three
+/// pictures, one of which is written to be looked at. Each axis of a stage goes 1 mm or 1° away and
+/// back: see that nothing is in its way.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig test rig.toml\n  \
-    diaphane rig test rig.toml --power --home")]
+    diaphane rig test rig.toml --power --home\n  \
+    diaphane rig test rig.toml --picture look.png")]
 pub(crate) struct Args {
     /// Rig file
     rig: PathBuf,
@@ -35,6 +42,12 @@ pub(crate) struct Args {
     /// Have the stage forget an alarm first; look at it before
     #[arg(long)]
     unlock: bool,
+    /// Where the camera's picture goes, PNG [default: beside the rig file, numbered]
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// Replace a picture that is there
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Serialize)]
@@ -57,8 +70,27 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(config) = &file.projector.control {
         tested.push(test_control(config, args));
     }
+    let simulated = Simulated::default();
+    let mut display = None;
     if let Some(config) = &file.projector.display {
-        tested.push(flash(config));
+        let (shown, opened) = flash(config, &simulated);
+        tested.push(shown);
+        display = opened;
+    }
+    let mut picture = None;
+    if let Some(config) = &file.camera {
+        let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+        let path = camera::picture_path(args.picture.as_deref(), &args.rig, overwrite)?;
+        let (photographed, frame) = photograph(config, &simulated);
+        tested.push(photographed);
+        if let Some(frame) = frame {
+            camera::write_picture(&frame, &path, overwrite)?;
+            picture = Some(path);
+        }
+    }
+    if let Some(Err(error)) = display.map(|mut display| display.park()) {
+        let (checks, advice) = step("park", Err(error), None);
+        tested.push(Tested { part: "projector", driver: "picture", checks: vec![checks], advice });
     }
     if let Some(config) = &file.stage {
         tested.push(move_stage(config, args));
@@ -75,14 +107,17 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             text += &format!("  {mark:5} {:10} {}\n", check.name, check.found);
         }
     }
+    if let Some(path) = &picture {
+        text += &format!("picture: {}\n", path.display());
+    }
     if tested.is_empty() {
-        return Err(nothing(&args.rig, "neither a [projector] nor a [stage] to test"));
+        return Err(nothing(&args.rig, "no [camera], no [projector] and no [stage] to test"));
     }
     let fails = |check: &&Check| check.result == CheckResult::Fail;
     let first = tested
         .iter()
         .find_map(|device| device.checks.iter().find(fails).map(|check| (device, check.clone())));
-    let json = json!({ "pass": first.is_none(), "devices": tested });
+    let json = json!({ "pass": first.is_none(), "devices": tested, "picture": picture });
     if let Some((device, check)) = first {
         eprint!("{text}");
         return Err(Failure {
@@ -121,6 +156,23 @@ fn what_helps(
     permission::advice(again()?.kind(), address)
 }
 
+fn photograph(config: &CameraConfig, simulated: &Simulated) -> (Tested, Option<Frame>) {
+    let (part, driver) = ("camera", config.driver());
+    let advice = |error: &DeviceError| camera::advice(config.camera_driver()?, error);
+    match config.open(simulated) {
+        Ok(mut opened) => {
+            let (checks, frame) = test_camera(opened.as_mut());
+            (Tested { part, driver, checks, advice: None }, frame)
+        }
+        Err(error) => {
+            let advice = advice(&error);
+            let (name, result, found) = ("open".into(), CheckResult::Fail, error.to_string());
+            let checks = vec![Check { name, result, found }];
+            (Tested { part, driver, checks, advice }, None)
+        }
+    }
+}
+
 fn test_control(config: &ControlConfig, args: &Args) -> Tested {
     let mut projector = config.open(&Simulated::default());
     let mut checks = Vec::new();
@@ -138,19 +190,21 @@ fn test_control(config: &ControlConfig, args: &Args) -> Tested {
     Tested { part: "projector control", driver: config.driver(), checks, advice }
 }
 
-fn flash(config: &DisplayConfig) -> Tested {
+/// Flashes pictures up, and leaves the projector white, so that the camera sees something.
+fn flash(config: &DisplayConfig, simulated: &Simulated) -> (Tested, Option<Box<dyn Projector>>) {
     let (part, driver) = ("projector", config.driver());
-    match config.open(&Simulated::default()) {
+    match config.open(simulated) {
         Ok(mut display) => {
             let mut checks = test_display(display.as_mut());
-            if let Err(error) = display.park() {
-                checks.push(step("park", Err(error), None).0);
-            }
-            Tested { part, driver, checks, advice: None }
+            let ProjectorInfo { width, height, .. } = display.info();
+            let data = vec![u8::MAX; width as usize * height as usize];
+            let white = display.show(&ProjectorImage { width, height, data });
+            checks.push(step("white", white, None).0);
+            (Tested { part, driver, checks, advice: None }, Some(display))
         }
         Err(error) => {
             let (opened, advice) = step("open", Err(error), config.address().as_ref());
-            Tested { part, driver, checks: vec![opened], advice }
+            (Tested { part, driver, checks: vec![opened], advice }, None)
         }
     }
 }

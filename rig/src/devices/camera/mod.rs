@@ -1,0 +1,122 @@
+//! Cameras behind their makers' protocols.
+//!
+//! A driver that needs a library of the system is behind a Cargo feature of its own name. What is
+//! there whether it is built or not: how a camera is chosen, how its bytes become digital numbers,
+//! and whether this user may open what is plugged in.
+
+#[cfg(all(feature = "aravis", target_os = "linux"))]
+mod aravis;
+mod mosaic;
+mod pixels;
+mod select;
+mod self_test;
+mod usb;
+
+#[cfg(all(feature = "aravis", target_os = "linux"))]
+pub use aravis::{Aravis, GenicamSettings};
+pub use mosaic::{Mosaic, superpixels};
+pub use pixels::{Colour, Packing, PixelError, PixelFormat, Pixels};
+pub use select::CameraChoice;
+pub use self_test::test_camera;
+pub use usb::usb_device;
+
+use crate::DeviceError;
+
+/// What speaks to cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraDriver {
+    /// GenICam cameras, over GigE Vision and USB3 Vision, by Aravis.
+    Aravis,
+}
+
+impl CameraDriver {
+    /// All of them, built or not.
+    pub const ALL: [Self; 1] = [Self::Aravis];
+
+    /// Its name in rig files, and that of its Cargo feature.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Aravis => "aravis",
+        }
+    }
+
+    /// What it is for.
+    pub fn what_for(self) -> &'static str {
+        match self {
+            Self::Aravis => "GigE Vision and USB3 Vision cameras",
+        }
+    }
+
+    /// The packages that it needs to be built, by Debian's names.
+    pub fn packages(self) -> &'static [&'static str] {
+        match self {
+            Self::Aravis => &["libaravis-dev", "libusb-1.0-0-dev"],
+        }
+    }
+
+    /// Whether this program has it.
+    pub fn is_built(self) -> bool {
+        match self {
+            Self::Aravis => cfg!(all(feature = "aravis", target_os = "linux")),
+        }
+    }
+
+    /// The cameras that it finds, and those that it would find if it were allowed to.
+    pub fn scan(self) -> Vec<FoundCamera> {
+        match self {
+            #[cfg(all(feature = "aravis", target_os = "linux"))]
+            Self::Aravis => {
+                let mut found = aravis::scan();
+                found.extend(usb::closed(usb::USB3_VISION, self));
+                found
+            }
+            #[cfg(not(all(feature = "aravis", target_os = "linux")))]
+            Self::Aravis => usb::closed(usb::USB3_VISION, self),
+        }
+    }
+}
+
+/// All cameras that the drivers of this program find, each opened for a moment to see whether it is
+/// free.
+pub fn scan_cameras() -> Vec<FoundCamera> {
+    let found = CameraDriver::ALL.into_iter().filter(|driver| driver.is_built());
+    let mut found: Vec<_> = found.flat_map(CameraDriver::scan).collect();
+    for camera in found.iter_mut().filter(|camera| camera.problem.is_none()) {
+        camera.problem = match camera.driver {
+            #[cfg(all(feature = "aravis", target_os = "linux"))]
+            CameraDriver::Aravis => aravis::is_free(camera).err(),
+            #[cfg(not(all(feature = "aravis", target_os = "linux")))]
+            CameraDriver::Aravis => None,
+        };
+    }
+    found
+}
+
+/// A camera that is there.
+#[derive(Debug)]
+pub struct FoundCamera {
+    /// What speaks to it.
+    pub driver: CameraDriver,
+    /// Maker and model.
+    pub name: String,
+    /// What its driver calls it; no other camera is called the same.
+    pub id: String,
+    /// Its serial number, where it has one.
+    pub serial: Option<String>,
+    /// Where it is: an address of the network, a device of the system.
+    pub address: Option<String>,
+    /// In software.
+    pub fake: bool,
+    /// What keeps it from being used, if anything does.
+    pub problem: Option<DeviceError>,
+}
+
+impl std::fmt::Display for FoundCamera {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.name)?;
+        match &self.serial {
+            Some(serial) => write!(f, " (serial number {serial})"),
+            None => Ok(()),
+        }
+    }
+}

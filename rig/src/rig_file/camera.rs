@@ -1,0 +1,128 @@
+//! `[camera]` of a rig file.
+
+use serde::{Deserialize, Serialize};
+
+use super::SimulatedDevices;
+use super::check::{Problem, wrong};
+#[cfg(all(feature = "aravis", target_os = "linux"))]
+use crate::devices::camera::{Aravis, GenicamSettings};
+use crate::devices::camera::{CameraChoice, CameraDriver, FoundCamera};
+use crate::{Camera, DeviceError};
+
+/// `[camera]`. All drivers are known, whether this program was built with them or not, so that a
+/// file means the same everywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum CameraConfig {
+    /// The one of the simulated rig.
+    Simulated {},
+    /// A GenICam camera: GigE Vision, USB3 Vision.
+    Aravis {
+        /// A part of its maker and model; not needed where there is only one.
+        name: Option<String>,
+        /// Its serial number.
+        serial: Option<String>,
+        /// By its GenICam name, such as BayerRG12; the deepest that it has if left out.
+        pixel_format: Option<String>,
+        /// dB, or in the camera's own numbers where it counts otherwise; the lowest if left out.
+        gain: Option<f64>,
+        /// Left, top, width and height of the part of the sensor that is read, pixels; all of it
+        /// if left out.
+        roi: Option<[u32; 4]>,
+    },
+}
+
+impl CameraConfig {
+    /// The driver's name in the file.
+    pub fn driver(&self) -> &'static str {
+        self.camera_driver().map_or("simulated", CameraDriver::name)
+    }
+
+    /// The driver; `None` for the simulated one, which needs none.
+    pub fn camera_driver(&self) -> Option<CameraDriver> {
+        match self {
+            Self::Simulated {} => None,
+            Self::Aravis { .. } => Some(CameraDriver::Aravis),
+        }
+    }
+
+    /// What it says about which camera it means.
+    pub fn choice(&self) -> CameraChoice {
+        match self {
+            Self::Simulated {} => CameraChoice::default(),
+            Self::Aravis { name, serial, .. } => {
+                CameraChoice { name: name.clone(), serial: serial.clone() }
+            }
+        }
+    }
+
+    /// The camera that it means, not opened yet; `None` for the simulated one.
+    ///
+    /// # Errors
+    /// None is there, more than one may be meant, or this program was built without the driver.
+    pub fn find(&self) -> Result<Option<FoundCamera>, DeviceError> {
+        let Some(driver) = self.camera_driver() else { return Ok(None) };
+        if !driver.is_built() {
+            return Err(self.missing(driver));
+        }
+        self.choice().pick(driver.scan()).map(Some)
+    }
+
+    /// The camera, ready to expose.
+    ///
+    /// # Errors
+    /// It is not there, not free, cannot do what is asked of it, or this program was built without
+    /// its driver.
+    pub fn open(&self, simulated: &dyn SimulatedDevices) -> Result<Box<dyn Camera>, DeviceError> {
+        match self {
+            Self::Simulated {} => simulated.camera(),
+            #[cfg(all(feature = "aravis", target_os = "linux"))]
+            Self::Aravis { pixel_format, gain, roi, .. } => {
+                let (pixel_format, choice) = (pixel_format.clone(), self.choice());
+                let settings = GenicamSettings { choice, pixel_format, gain: *gain, roi: *roi };
+                Ok(Box::new(Aravis::open(settings)?))
+            }
+            #[cfg(not(all(feature = "aravis", target_os = "linux")))]
+            Self::Aravis { .. } => Err(self.missing(CameraDriver::Aravis)),
+        }
+    }
+
+    fn missing(&self, driver: CameraDriver) -> DeviceError {
+        DeviceError::MissingDriver { device: self.choice().to_string(), driver: driver.name() }
+    }
+
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        let CameraChoice { name, serial } = self.choice();
+        for (key, text) in [("camera.name", &name), ("camera.serial", &serial)] {
+            if text.as_ref().is_some_and(|text| text.trim().is_empty()) {
+                return wrong(key, "what the camera says of itself", "nothing");
+            }
+        }
+        match self {
+            Self::Simulated {} => {}
+            Self::Aravis { pixel_format, gain, roi, .. } => {
+                if let Some(format) = pixel_format
+                    && (format.is_empty() || !format.bytes().all(|b| b.is_ascii_alphanumeric()))
+                {
+                    let expected = "a GenICam name, such as BayerRG12";
+                    return wrong("camera.pixel_format", expected, format!("{format:?}"));
+                }
+                if let Some(gain) = gain
+                    && !gain.is_finite()
+                {
+                    return wrong("camera.gain", "a number", gain);
+                }
+                if let Some(roi @ [x, y, width, height]) = roi {
+                    let ends = [x.checked_add(*width), y.checked_add(*height)];
+                    // Sensors of a hundred thousand pixels across are not made.
+                    let good = |end: &Option<u32>| end.is_some_and(|end| end <= 100_000);
+                    if *width == 0 || *height == 0 || !ends.iter().all(good) {
+                        let expected = "left, top, width and height in pixels";
+                        return wrong("camera.roi", expected, format!("{roi:?}"));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
