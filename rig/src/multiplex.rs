@@ -13,20 +13,23 @@
 ///
 /// Row m tells which of `order` regions picture m lights. Where there are fewer regions, the last
 /// columns belong to none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SMatrix {
     order: usize,
     kind: Kind,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Kind {
     /// Order 2^k − 1, from Sylvester's Hadamard matrix: row and column, counted from 1, share an
     /// odd number of bits.
     Sylvester,
     /// A prime order, 3 modulo 4: column minus row is a square modulo the order (Paley). The
     /// squares and 0 are a difference set, so every two rows share (order + 1)/4 ones.
-    Paley,
+    Paley {
+        /// Whether each number below the order is a square.
+        squares: Vec<bool>,
+    },
 }
 
 /// Regions that cannot be told apart from the pictures given.
@@ -81,7 +84,11 @@ impl SMatrix {
     pub fn for_regions(regions: usize) -> Self {
         let kind = |order: usize| match order {
             n if (n + 1).is_power_of_two() => Some(Kind::Sylvester),
-            n if n % 4 == 3 && is_prime(n) => Some(Kind::Paley),
+            n if n % 4 == 3 && is_prime(n) => {
+                let mut squares = vec![false; n];
+                (0..=n / 2).for_each(|x| squares[x * x % n] = true);
+                Some(Kind::Paley { squares })
+            }
             _ => None,
         };
         // Orders of both kinds go on for ever.
@@ -100,9 +107,9 @@ impl SMatrix {
         if row >= n || column >= n {
             return false;
         }
-        match self.kind {
+        match &self.kind {
             Kind::Sylvester => ((row + 1) & (column + 1)).count_ones() % 2 == 1,
-            Kind::Paley => is_square((column + n - row) % n, n),
+            Kind::Paley { squares } => squares[(column + n - row) % n],
         }
     }
 
@@ -155,11 +162,6 @@ impl SMatrix {
 
 fn is_prime(n: usize) -> bool {
     n >= 2 && (2..).take_while(|d| d * d <= n).all(|d| !n.is_multiple_of(d))
-}
-
-/// Whether `a` is a square modulo `n`, 0 being one.
-fn is_square(a: usize, n: usize) -> bool {
-    (0..=n / 2).any(|x| x * x % n == a)
 }
 
 #[cfg(test)]

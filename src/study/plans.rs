@@ -143,7 +143,7 @@ impl<'a> Setting<'a> {
         let matrix = SMatrix::for_regions(count);
         let multiplexed = matches!(plan, PlanKind::Multiplexed | PlanKind::MultiplexedAdaptive);
         let (patterns, lit): (usize, Lit<'_>) = if multiplexed {
-            (matrix.order(), Box::new(move |row, region| matrix.lights(row, region)))
+            (matrix.order(), Box::new(|row, region| matrix.lights(row, region)))
         } else {
             (count, Box::new(|row, region| row == region))
         };
