@@ -16,7 +16,7 @@ mod projector;
 #[cfg(all(feature = "display", target_os = "linux"))]
 mod screen;
 mod stage;
-#[cfg(all(feature = "display", target_os = "linux"))]
+#[cfg(all(feature = "aravis", feature = "display", target_os = "linux"))]
 mod twin;
 mod wire;
 mod zaber;
@@ -32,7 +32,7 @@ pub use projector::{ProjectorSpec, SimulatedProjector};
 #[cfg(all(feature = "display", target_os = "linux"))]
 pub use screen::{Screen, VirtualScreen};
 pub use stage::{SimulatedStage, StageFailure};
-#[cfg(all(feature = "display", target_os = "linux"))]
-pub use twin::TwinCamera;
+#[cfg(all(feature = "aravis", feature = "display", target_os = "linux"))]
+pub use twin::{Twin, TwinError, TwinSpec};
 pub use wire::{Protocol, Wire, WireFault};
 pub use zaber::ZaberEmulator;

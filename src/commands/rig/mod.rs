@@ -5,6 +5,7 @@ mod list;
 mod permission;
 mod rest;
 mod test;
+mod twin;
 
 use crate::Failure;
 use crate::devices::Simulated;
@@ -25,6 +26,8 @@ pub(crate) enum Args {
     Park(rest::Park),
     /// Stop the stage at once, wherever it is
     Halt(rest::Halt),
+    /// A whole rig without hardware, to try the drivers for hardware on
+    Twin(twin::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -33,6 +36,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Args::Test(args) => test::run(args),
         Args::Park(args) => rest::park(args),
         Args::Halt(args) => rest::halt(args),
+        Args::Twin(args) => twin::run(args),
     }
 }
 

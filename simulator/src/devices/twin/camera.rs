@@ -1,13 +1,13 @@
-//! The simulated rig as hardware: all that a capture on a real rig does is done, only the light is not real.
+//! The camera of the twin.
 
 use rig::devices::PowerState;
 use rig::{Camera, CameraInfo, DeviceError, Frame, Projector, ProjectorImage, Readback};
 
-use super::{Screen, SimulatedProjector};
+use crate::devices::{Screen, SimulatedProjector};
 
 /// The simulated camera, looking at a sample that is lit by what really stands on a monitor, while
 /// the projector is on and not muted.
-pub struct TwinCamera {
+pub(super) struct TwinCamera {
     camera: Box<dyn Camera>,
     projector: Box<dyn Projector>,
     screen: Screen,
@@ -20,7 +20,7 @@ impl TwinCamera {
     ///
     /// # Errors
     /// The monitor has another size than the projector's picture.
-    pub fn new(
+    pub(super) fn new(
         camera: Box<dyn Camera>,
         projector: Box<dyn Projector>,
         screen: Screen,
