@@ -41,7 +41,7 @@ impl Progress {
             let bar =
                 ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
             let template = if total > 0 {
-                "{prefix:16} [{bar:30}] {pos}/{len} {msg} ({eta} left)"
+                "{prefix:16} [{bar:30}] {pos}/{len} {msg}"
             } else {
                 "{prefix:16} {spinner} {msg} ({elapsed})"
             };
@@ -56,23 +56,34 @@ impl Progress {
         Self { bar, label: label.into(), total: total as u64, started, last_line }
     }
 
-    /// `done` of the total is done; `message` says what is going on.
+    /// `done` of the total is done; `message` says what is going on. The time that is left is
+    /// judged by the time so far.
     pub fn set(&mut self, done: usize, message: &str) {
+        let spent = self.started.elapsed().as_secs_f64();
+        let left = (self.total > 0 && done > 0)
+            .then(|| spent / done as f64 * (self.total as f64 - done as f64));
+        self.set_left(done, message, left);
+    }
+
+    /// Like [`set`](Self::set), where somebody knows better how many seconds are left.
+    pub fn set_left(&mut self, done: usize, message: &str, left_s: Option<f64>) {
+        let left = left_s.map(|left| format!("{} left", duration(left)));
         if let Some(bar) = &self.bar {
             bar.set_position(done as u64);
-            bar.set_message(message.to_owned());
+            let left = left.map_or(String::new(), |left| format!(" ({left})"));
+            bar.set_message(format!("{message}{left}"));
             return;
         }
         if self.last_line.elapsed() < QUIET {
             return;
         }
         self.last_line = Instant::now();
-        let spent = self.started.elapsed().as_secs_f64();
-        if self.total > 0 && done > 0 {
-            let left = spent / done as f64 * (self.total as f64 - done as f64);
-            eprintln!("{}: {done}/{} {message} ({left:.0} s left)", self.label, self.total);
-        } else {
-            eprintln!("{}: {message} ({spent:.0} s)", self.label);
+        match left {
+            Some(left) => eprintln!("{}: {done}/{} {message} ({left})", self.label, self.total),
+            None => {
+                let spent = self.started.elapsed().as_secs_f64();
+                eprintln!("{}: {message} ({spent:.0} s)", self.label);
+            }
         }
     }
 
@@ -91,6 +102,15 @@ impl Progress {
         }
         let spent = self.started.elapsed().as_secs_f64();
         eprintln!("{}: {message} ({spent:.1} s)", self.label);
+    }
+}
+
+/// In the unit that people would use.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
     }
 }
 

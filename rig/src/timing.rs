@@ -49,39 +49,60 @@ impl Default for Timing {
     }
 }
 
+/// Times that were seen: of frames with their exposures, and of placements, seconds.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Seen {
+    pub frames: Vec<(f64, f64)>,
+    pub placements: Vec<f64>,
+}
+
+impl Seen {
+    /// Adds what a journal tells.
+    pub fn add(&mut self, journal: &Recorded) {
+        for pair in journal.entries.windows(2) {
+            let passed_s = pair[1].unix_s - pair[0].unix_s;
+            match (&pair[0].event, &pair[1].event) {
+                // Both are told when they are on the disk, so the writing is in it once.
+                (Event::FrameWritten { .. }, Event::FrameWritten { exposure_s, .. }) => {
+                    self.frame(*exposure_s, passed_s);
+                }
+                (_, Event::Placed { took_s, .. }) => self.placements.push(*took_s),
+                _ => {}
+            }
+        }
+    }
+
+    /// Adds a frame that came so long after the one before, unless somebody made a pause.
+    pub fn frame(&mut self, exposure_s: f64, passed_s: f64) {
+        if (0.0..PAUSE_S + exposure_s).contains(&passed_s) {
+            self.frames.push((exposure_s, passed_s));
+        }
+    }
+
+    /// What follows from it; the [`Timing::default`] where it is too little.
+    pub fn timing(&self) -> Timing {
+        let mut out = Timing::default();
+        if self.frames.len() >= LEAST {
+            let (a, b, sd) = line(&self.frames);
+            (out.frames, out.frame_sd_s) = (self.frames.len(), sd);
+            (out.per_frame_s, out.per_exposure) = (a.max(0.0), b.max(0.0));
+        }
+        if self.placements.len() >= 2 {
+            let points: Vec<_> = self.placements.iter().map(|took| (0.0, *took)).collect();
+            let (mean, _, sd) = line(&points);
+            (out.placements, out.per_placement_s, out.placement_sd_s) =
+                (self.placements.len(), mean, sd);
+        }
+        out
+    }
+}
+
 impl Timing {
     /// What journals of the same rig tell; the [`Default`] where they tell too little.
     pub fn learned<'a>(journals: impl IntoIterator<Item = &'a Recorded>) -> Self {
-        let (mut frames, mut placements) = (Vec::new(), Vec::new());
-        for journal in journals {
-            for pair in journal.entries.windows(2) {
-                let passed_s = pair[1].unix_s - pair[0].unix_s;
-                match (&pair[0].event, &pair[1].event) {
-                    // Both are told when they are on the disk, so the writing is in it once.
-                    (Event::FrameWritten { .. }, Event::FrameWritten { exposure_s, .. })
-                        if (0.0..PAUSE_S + exposure_s).contains(&passed_s) =>
-                    {
-                        frames.push((*exposure_s, passed_s));
-                    }
-                    (_, Event::Placed { took_s, .. }) => placements.push(*took_s),
-                    _ => {}
-                }
-            }
-        }
-        let mut out = Self::default();
-        if frames.len() >= LEAST {
-            let (a, b, sd) = line(&frames);
-            (out.frames, out.per_frame_s, out.per_exposure) =
-                (frames.len(), a.max(0.0), b.max(0.0));
-            out.frame_sd_s = sd;
-        }
-        if placements.len() >= 2 {
-            let points: Vec<_> = placements.iter().map(|took| (0.0, *took)).collect();
-            let (mean, _, sd) = line(&points);
-            (out.placements, out.per_placement_s, out.placement_sd_s) =
-                (placements.len(), mean, sd);
-        }
-        out
+        let mut seen = Seen::default();
+        journals.into_iter().for_each(|journal| seen.add(journal));
+        seen.timing()
     }
 
     /// Expected time and its standard deviation, seconds, of so much work. The spread is that of

@@ -128,5 +128,10 @@ pub(crate) fn tell(progress: &mut Progress, p: &rig::Progress<'_>) {
         )),
         Step::Placing(_) | Step::Kept | Step::Taken => {}
     }
-    progress.set(p.done, p.shot);
+    match (p.requested_s, p.left_s) {
+        (Some(exposure_s), left_s) => {
+            progress.set_left(p.done, &format!("{}, {exposure_s:.3} s", p.shot), left_s);
+        }
+        _ => progress.set_left(p.done, p.shot, None),
+    }
 }

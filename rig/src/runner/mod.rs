@@ -18,6 +18,7 @@ use writer::{Taken, ToDisk, with_writer};
 pub use carry::carry_over;
 pub use watch::Warning;
 
+use crate::timing::Seen;
 use crate::{
     CameraInfo, DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal,
     JournalError, PixelRect, Plan, PlanError, ProjectorImage, Readback, Recorded, Rig, Shot,
@@ -92,9 +93,12 @@ pub struct Progress<'a> {
     pub total: usize,
     /// Name of the shot.
     pub shot: &'a str,
+    /// Exposure of the frame, seconds, where it is about one.
+    pub requested_s: Option<f64>,
     /// What happened.
     pub step: Step,
-    /// Time that the rest should take, judged by the frames so far, seconds.
+    /// Time that the rest should take, judged by the frames and placements of this run and of those
+    /// before in the same session, seconds.
     pub left_s: Option<f64>,
 }
 
@@ -221,6 +225,8 @@ pub fn run(
         }
     }
     let (mut journal, recorded) = Journal::open(&session.join("journal.jsonl"))?;
+    let mut seen = Seen::default();
+    seen.add(&recorded);
     let known = frames_by_file(recorded);
     let total = plan.shots.iter().map(Shot::frames).sum();
     journal.append(Event::Started {
@@ -242,8 +248,20 @@ pub fn run(
         let on_the_way = VecDeque::new();
         let known = &known;
         let image = None;
-        Run { rig, session, options, journal, to_disk, on_the_way, progress, total, known, image }
-            .all(plan)
+        Run {
+            rig,
+            session,
+            options,
+            journal,
+            to_disk,
+            on_the_way,
+            progress,
+            total,
+            known,
+            image,
+            seen,
+        }
+        .all(plan)
     });
     let (status, reason) = match &result {
         Ok(outcome) if outcome.missing == 0 => (StopStatus::Done, "every frame is there".into()),
@@ -301,19 +319,22 @@ struct Run<'a, 'p> {
     options: RunOptions<'a>,
     journal: &'a Mutex<Journal>,
     to_disk: ToDisk,
-    /// Frames that are on their way to the disk: their shots, and the time left after each.
-    on_the_way: VecDeque<(String, f64)>,
+    /// Frames that are on their way to the disk: their shots, their exposures, and the time that is
+    /// left after each.
+    on_the_way: VecDeque<(String, f64, f64)>,
     progress: &'a mut (dyn FnMut(Progress<'_>) + 'p),
     total: usize,
     known: &'a HashMap<String, Event>,
     /// What the projector shows.
     image: Option<ProjectorImage>,
+    /// How long frames and placements have taken, in this run and those before.
+    seen: Seen,
 }
 
 impl Run<'_, '_> {
     fn all(&mut self, plan: &Plan) -> Result<Outcome, RunError> {
-        let began = Instant::now();
-        let mut exposed_s = 0.0;
+        let mut last_frame = Instant::now();
+        let mut frames_left = self.total;
         let mut to_expose_s: f64 = plan
             .shots
             .iter()
@@ -322,11 +343,14 @@ impl Run<'_, '_> {
         let mut outcome = Outcome { taken: 0, kept: 0, missing: 0 };
         let mut placed: Option<Target> = None;
         let mut number = 0;
-        for shot in &plan.shots {
+        for (index, shot) in plan.shots.iter().enumerate() {
+            let rest = plan.shots[index..].windows(2);
+            let placements_left = rest.filter(|pair| pair[0].target != pair[1].target).count();
             let mut shown = false;
             for (exposure_index, &requested_s) in shot.exposures_s.iter().enumerate() {
                 for repeat in 0..shot.repeats {
-                    to_expose_s -= requested_s;
+                    to_expose_s = (to_expose_s - requested_s).max(0.0);
+                    frames_left -= 1;
                     self.rig.camera.announce(number, repeat);
                     number += 1;
                     let kept = self.is_there(shot, exposure_index, repeat)?;
@@ -344,11 +368,13 @@ impl Run<'_, '_> {
                                 outcome.missing += 1;
                                 continue;
                             }
-                            self.tell(&outcome, &shot.name, Step::Placing(shot.target), None);
+                            self.tell(&outcome, &shot.name, Step::Placing(shot.target));
                             let place = |rig: &mut Rig, _| rig.bench.place(&shot.target);
                             let placing = Instant::now();
                             self.persist(shot, &outcome, place)?;
                             let took_s = placing.elapsed().as_secs_f64();
+                            self.seen.placements.push(took_s);
+                            last_frame = Instant::now();
                             append(self.journal, Event::Placed { target: shot.target, took_s })?;
                             placed = Some(shot.target);
                         }
@@ -363,19 +389,17 @@ impl Run<'_, '_> {
                         if !self.take(shot, exposure_index, repeat, &outcome)? {
                             return Ok(outcome);
                         }
-                        exposed_s += requested_s;
+                        self.seen.frame(requested_s, last_frame.elapsed().as_secs_f64());
+                        last_frame = Instant::now();
                     }
-                    let taken = outcome.taken + self.on_the_way.len() + usize::from(!kept);
-                    let done = outcome.kept + usize::from(kept) + taken;
-                    let overhead_s =
-                        (began.elapsed().as_secs_f64() - exposed_s).max(0.0) / taken.max(1) as f64;
-                    let left_s = to_expose_s + overhead_s * self.total.saturating_sub(done) as f64;
+                    let timing = self.seen.timing();
+                    let [left_s, _] = timing.estimate(frames_left, to_expose_s, placements_left);
                     if kept {
                         self.settle(&mut outcome, 0);
                         outcome.kept += 1;
-                        self.tell(&outcome, &shot.name, Step::Kept, Some(left_s));
+                        self.tell_frame(&outcome, &shot.name, requested_s, Step::Kept, left_s);
                     } else {
-                        self.on_the_way.push_back((shot.name.clone(), left_s));
+                        self.on_the_way.push_back((shot.name.clone(), requested_s, left_s));
                         self.settle(&mut outcome, MOST_ON_THE_WAY);
                     }
                 }
@@ -397,20 +421,34 @@ impl Run<'_, '_> {
                 let Ok(warnings) = written.try_recv() else { return true };
                 warnings
             };
-            if let Some((shot, left_s)) = self.on_the_way.pop_front() {
+            if let Some((shot, requested_s, left_s)) = self.on_the_way.pop_front() {
                 outcome.taken += 1;
-                self.tell(outcome, &shot, Step::Taken, Some(left_s));
+                self.tell_frame(outcome, &shot, requested_s, Step::Taken, left_s);
                 for warning in warnings {
-                    self.tell(outcome, &shot, Step::Warned(warning), Some(left_s));
+                    self.tell_frame(outcome, &shot, requested_s, Step::Warned(warning), left_s);
                 }
             }
         }
         true
     }
 
-    fn tell(&mut self, outcome: &Outcome, shot: &str, step: Step, left_s: Option<f64>) {
+    fn tell(&mut self, outcome: &Outcome, shot: &str, step: Step) {
         let (done, total) = (outcome.kept + outcome.taken, self.total);
-        (self.progress)(Progress { done, total, shot, step, left_s });
+        (self.progress)(Progress { done, total, shot, requested_s: None, step, left_s: None });
+    }
+
+    /// Tells of a frame, and how long the rest should take once it is there.
+    fn tell_frame(
+        &mut self,
+        outcome: &Outcome,
+        shot: &str,
+        requested_s: f64,
+        step: Step,
+        left_s: f64,
+    ) {
+        let (done, total) = (outcome.kept + outcome.taken, self.total);
+        let (requested_s, left_s) = (Some(requested_s), Some(left_s));
+        (self.progress)(Progress { done, total, shot, requested_s, step, left_s });
     }
 
     /// Whether the frame is on disk as the journal says. One that is not is moved aside.
@@ -574,7 +612,7 @@ impl Run<'_, '_> {
             }
             // Now and then: the amount tells whoever makes room how far they are.
             if told != Some(free) {
-                self.tell(outcome, &shot.name, Step::Waiting { free, needed }, None);
+                self.tell(outcome, &shot.name, Step::Waiting { free, needed });
                 told = Some(free);
             }
             if self.options.stop.load(Ordering::Relaxed) {
@@ -613,7 +651,7 @@ impl Run<'_, '_> {
             }
             let text = format!("shot {:?}, attempt {attempt}: {source}", shot.name);
             append(self.journal, Event::Note { text: text.clone() })?;
-            self.tell(outcome, &shot.name, Step::Retried(text), None);
+            self.tell(outcome, &shot.name, Step::Retried(text));
             let until = Instant::now() + wait;
             while Instant::now() < until && !self.options.stop.load(Ordering::Relaxed) {
                 std::thread::sleep(BLINK.min(until.saturating_duration_since(Instant::now())));

@@ -155,6 +155,9 @@ pub fn go(
             // Each frame once, in the plan's order, and on disk by then.
             assert_eq!((progress.done, progress.total), (told, frames));
             assert!(files(session).len() >= told);
+            let left_s = progress.left_s.unwrap();
+            // Nothing is left after the last but what subtractions round, and something before.
+            assert_eq!(left_s < 1e-9, told == frames, "{left_s} s left after {told} frames");
         }
     })?;
     assert_eq!(told, outcome.taken + outcome.kept);
