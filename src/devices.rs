@@ -34,7 +34,7 @@ pub(crate) fn open(session: &Session) -> Result<Rig, Failure> {
 /// The devices of a rig file, ready to work; a second Ctrl-C parks them from here on.
 pub(crate) fn assemble(file: &RigFile, name: &str) -> Result<Rig, Failure> {
     let mut progress = Progress::new("rig", 0);
-    let person: Box<dyn Bench> = Box::new(Technician);
+    let person: Box<dyn Bench> = Box::new(Technician::default());
     let opened = file.assemble(person, &Simulated::default(), &mut |what| {
         progress.set(0, what);
         !STOP.load(Ordering::Relaxed)

@@ -3,8 +3,11 @@
 use rig::{Bench, DeviceError, Target};
 use std::io::{BufRead, IsTerminal};
 
-/// Asks on the terminal, and waits.
-pub(crate) struct Technician;
+/// Asks on the terminal, and waits; not again for what was placed last.
+#[derive(Default)]
+pub(crate) struct Technician {
+    placed: Option<Target>,
+}
 
 impl Bench for Technician {
     fn place(&mut self, target: &Target) -> Result<(), DeviceError> {
@@ -12,6 +15,10 @@ impl Bench for Technician {
             device: "technician".into(),
             reason: reason.into(),
         };
+        if self.placed == Some(*target) {
+            return Ok(());
+        }
+        self.placed = None;
         let stdin = std::io::stdin();
         if !stdin.is_terminal() {
             return Err(declined(&format!(
@@ -25,7 +32,10 @@ impl Bench for Technician {
             Ok(_) if line.trim() == "q" => {
                 Err(declined("stopped; the same command goes on from here"))
             }
-            Ok(_) => Ok(()),
+            Ok(_) => {
+                self.placed = Some(*target);
+                Ok(())
+            }
             Err(error) => Err(declined(&error.to_string())),
         }
     }

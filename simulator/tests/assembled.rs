@@ -93,7 +93,7 @@ at = {{ slide = 30.0 }}
     let axes = RigFile::parse(Path::new("rig.toml"), &text("unplugged")).unwrap();
     let stage = SimulatedStage::new(axes.stage.unwrap().axes(), 200.0);
     let grbl = Wire::serial(GrblEmulator::new(stage.clone())).unwrap();
-    let file = RigFile::parse(Path::new("rig.toml"), &text(&grbl.address())).unwrap();
+    let file = RigFile::parse(Path::new("rig.toml"), &text(grbl.address())).unwrap();
     let mut waited = Vec::new();
     let software = Software::default();
     let opened = file.assemble(software.bench().unwrap(), &software, &mut |what| {
