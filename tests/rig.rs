@@ -214,6 +214,61 @@ fn a_camera_on_the_network_is_listed_and_tested() {
     assert!(run.stderr.contains("LIST1"), "those that are there are named: {}", run.stderr);
 }
 
+/// A Nikon that PyPI's package gphoto2 plays on a USB bus of its own; it returns stored pictures.
+#[cfg(all(feature = "gphoto2", target_os = "linux"))]
+#[test]
+fn a_virtual_still_camera_is_listed_and_tested() {
+    let Some(python) = std::env::var_os("DIAPHANE_PYTHON") else {
+        println!("SKIPPED: DIAPHANE_PYTHON names no Python with gphoto2 (cargo xtask peers)");
+        return;
+    };
+    let told = std::process::Command::new(python)
+        .args(["-c", "import gphoto2; print(gphoto2.__path__[0] + '/libgphoto2/vusb')"])
+        .output()
+        .unwrap();
+    let bus = String::from_utf8(told.stdout).unwrap().trim().to_owned();
+    assert!(Path::new(&bus).is_dir(), "{bus}: {}", String::from_utf8_lossy(&told.stderr));
+    let text = |aperture| {
+        format!("[camera]\ndriver = \"gphoto2\"\nname = \"d750\"\naperture = \"{aperture}\"")
+    };
+    let (folder, path) = rig_file(&text("f/8"));
+    let pictures = folder.path().join("card/DCIM/100NIKON");
+    std::fs::create_dir_all(&pictures).unwrap();
+    let ramp = image::RgbImage::from_fn(96, 64, |x, y| image::Rgb([2 * x as u8, 3 * y as u8, 128]));
+    ramp.save(pictures.join("DSC_0001.JPG")).unwrap();
+    let run = |command: &str, path: &Path| {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_diaphane"))
+            .args(["--json", "rig", command])
+            .arg(path)
+            .env("IOLIBS", &bus)
+            .env("VCAMERADIR", folder.path().join("card"))
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8(out.stderr).unwrap();
+        assert!(!stderr.contains("panicked"), "{stderr}");
+        let json = serde_json::from_slice(&out.stdout).unwrap();
+        common::Run { code: out.status.code().unwrap(), json, stderr }
+    };
+    let listed = run("list", &path);
+    assert_eq!(listed.code, 0, "{}", listed.stderr);
+    let found = listed.json["devices"][0]["found"].as_str().unwrap();
+    assert!(found.contains("D750, 96 x 64 pixels, colour, 8 bits"), "{found}");
+    // It offers 1/20 s where 1/30 s is asked for, which is told; and a whole second.
+    let tested = run("test", &path);
+    assert_eq!(tested.code, 1, "{}", tested.stderr);
+    assert_eq!(result(&tested, "camera", "1/30 s"), "fail", "{}", tested.json);
+    assert_eq!(result(&tested, "camera", "1 s"), "pass", "{}", tested.json);
+    let seen = image::open(tested.json["picture"].as_str().unwrap()).unwrap().to_rgb8();
+    assert_eq!(seen.dimensions(), (96, 64));
+    let red = |x| i32::from(seen.get_pixel(x, 32).0[0]);
+    assert!(red(90) > red(50) + 20 && red(50) > red(10) + 20, "the ramp is not in the picture");
+    // What it does not have is named with what it has.
+    let (_other, path) = rig_file(&text("f/1"));
+    let refused = run("list", &path);
+    assert_eq!(refused.code, 1);
+    assert!(refused.stderr.contains("f/22"), "{}", refused.stderr);
+}
+
 #[test]
 fn what_is_in_the_way_is_told_apart() {
     let wire = Wire::serial(EpsonEmulator::new(projector(), Prompt::AtOnce)).unwrap();

@@ -73,6 +73,8 @@ fn demo(flags: &[String]) -> Result<(), Stop> {
 /// Counterparts of the devices' protocols, in the versions that the tests were written against.
 const PEERS: &[&str] = &[
     "aiopjlink==1.0.5",
+    // It brings a virtual camera.
+    "gphoto2==2.6.4",
     "meerk40t==0.9.9100",
     // meerk40t does not start without it and does not ask for it.
     "pillow",

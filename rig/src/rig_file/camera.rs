@@ -7,6 +7,8 @@ use super::check::{Problem, wrong};
 #[cfg(all(feature = "aravis", target_os = "linux"))]
 use crate::devices::camera::{Aravis, GenicamSettings};
 use crate::devices::camera::{CameraChoice, CameraDriver, FoundCamera};
+#[cfg(all(feature = "gphoto2", target_os = "linux"))]
+use crate::devices::camera::{Gphoto2, StillSettings};
 use crate::{Camera, DeviceError};
 
 /// `[camera]`. All drivers are known, whether this program was built with them or not, so that a
@@ -30,6 +32,17 @@ pub enum CameraConfig {
         /// if left out.
         roi: Option<[u32; 4]>,
     },
+    /// A tethered still camera.
+    Gphoto2 {
+        /// A part of its maker and model, or its port; not needed where there is only one.
+        name: Option<String>,
+        /// In the camera's words, such as f/8; as it is set at the camera if left out.
+        aperture: Option<String>,
+        /// In the camera's words, such as 100; as it is set at the camera if left out.
+        iso: Option<String>,
+        /// In the camera's words, a JPEG; as it is set at the camera if left out.
+        image_format: Option<String>,
+    },
 }
 
 impl CameraConfig {
@@ -43,6 +56,7 @@ impl CameraConfig {
         match self {
             Self::Simulated {} => None,
             Self::Aravis { .. } => Some(CameraDriver::Aravis),
+            Self::Gphoto2 { .. } => Some(CameraDriver::Gphoto2),
         }
     }
 
@@ -53,6 +67,7 @@ impl CameraConfig {
             Self::Aravis { name, serial, .. } => {
                 CameraChoice { name: name.clone(), serial: serial.clone() }
             }
+            Self::Gphoto2 { name, .. } => CameraChoice { name: name.clone(), serial: None },
         }
     }
 
@@ -84,6 +99,15 @@ impl CameraConfig {
             }
             #[cfg(not(all(feature = "aravis", target_os = "linux")))]
             Self::Aravis { .. } => Err(self.missing(CameraDriver::Aravis)),
+            #[cfg(all(feature = "gphoto2", target_os = "linux"))]
+            Self::Gphoto2 { aperture, iso, image_format, .. } => {
+                let (aperture, iso) = (aperture.clone(), iso.clone());
+                let (choice, image_format) = (self.choice(), image_format.clone());
+                let settings = StillSettings { choice, aperture, iso, image_format };
+                Ok(Box::new(Gphoto2::open(settings)?))
+            }
+            #[cfg(not(all(feature = "gphoto2", target_os = "linux")))]
+            Self::Gphoto2 { .. } => Err(self.missing(CameraDriver::Gphoto2)),
         }
     }
 
@@ -100,6 +124,19 @@ impl CameraConfig {
         }
         match self {
             Self::Simulated {} => {}
+            Self::Gphoto2 { aperture, iso, image_format, .. } => {
+                for (key, text) in
+                    [("aperture", aperture), ("iso", iso), ("image_format", image_format)]
+                {
+                    if text.as_ref().is_some_and(|text| text.trim().is_empty()) {
+                        return wrong(
+                            format!("camera.{key}"),
+                            "the camera's word for it",
+                            "nothing",
+                        );
+                    }
+                }
+            }
             Self::Aravis { pixel_format, gain, roi, .. } => {
                 if let Some(format) = pixel_format
                     && (format.is_empty() || !format.bytes().all(|b| b.is_ascii_alphanumeric()))

@@ -6,6 +6,8 @@
 
 #[cfg(all(feature = "aravis", target_os = "linux"))]
 mod aravis;
+#[cfg(all(feature = "gphoto2", target_os = "linux"))]
+mod gphoto2;
 mod mosaic;
 mod pixels;
 mod select;
@@ -14,6 +16,8 @@ mod usb;
 
 #[cfg(all(feature = "aravis", target_os = "linux"))]
 pub use aravis::{Aravis, GenicamSettings};
+#[cfg(all(feature = "gphoto2", target_os = "linux"))]
+pub use gphoto2::{Gphoto2, StillSettings};
 pub use mosaic::{Mosaic, superpixels};
 pub use pixels::{Colour, Packing, PixelError, PixelFormat, Pixels};
 pub use select::CameraChoice;
@@ -27,16 +31,19 @@ use crate::DeviceError;
 pub enum CameraDriver {
     /// GenICam cameras, over GigE Vision and USB3 Vision, by Aravis.
     Aravis,
+    /// Tethered still cameras, by gphoto2.
+    Gphoto2,
 }
 
 impl CameraDriver {
     /// All of them, built or not.
-    pub const ALL: [Self; 1] = [Self::Aravis];
+    pub const ALL: [Self; 2] = [Self::Aravis, Self::Gphoto2];
 
     /// Its name in rig files, and that of its Cargo feature.
     pub fn name(self) -> &'static str {
         match self {
             Self::Aravis => "aravis",
+            Self::Gphoto2 => "gphoto2",
         }
     }
 
@@ -44,6 +51,7 @@ impl CameraDriver {
     pub fn what_for(self) -> &'static str {
         match self {
             Self::Aravis => "GigE Vision and USB3 Vision cameras",
+            Self::Gphoto2 => "tethered still cameras",
         }
     }
 
@@ -51,6 +59,7 @@ impl CameraDriver {
     pub fn packages(self) -> &'static [&'static str] {
         match self {
             Self::Aravis => &["libaravis-dev", "libusb-1.0-0-dev"],
+            Self::Gphoto2 => &["libgphoto2-dev", "clang"],
         }
     }
 
@@ -58,21 +67,35 @@ impl CameraDriver {
     pub fn is_built(self) -> bool {
         match self {
             Self::Aravis => cfg!(all(feature = "aravis", target_os = "linux")),
+            Self::Gphoto2 => cfg!(all(feature = "gphoto2", target_os = "linux")),
+        }
+    }
+
+    fn usb_class(self) -> usb::UsbClass {
+        match self {
+            Self::Aravis => usb::USB3_VISION,
+            Self::Gphoto2 => usb::STILL_IMAGE,
         }
     }
 
     /// The cameras that it finds, and those that it would find if it were allowed to.
     pub fn scan(self) -> Vec<FoundCamera> {
-        match self {
+        let mut found = match self {
             #[cfg(all(feature = "aravis", target_os = "linux"))]
-            Self::Aravis => {
-                let mut found = aravis::scan();
-                found.extend(usb::closed(usb::USB3_VISION, self));
-                found
+            Self::Aravis => aravis::scan(),
+            #[cfg(all(feature = "gphoto2", target_os = "linux"))]
+            Self::Gphoto2 => gphoto2::scan(),
+            #[cfg(not(all(feature = "aravis", feature = "gphoto2", target_os = "linux")))]
+            _ => Vec::new(),
+        };
+        for camera in usb::closed(self.usb_class(), self) {
+            // Some are seen by their drivers though they may not be opened.
+            match found.iter_mut().find(|seen| usb::is_at(seen, &camera.id)) {
+                Some(seen) => seen.problem = camera.problem,
+                None => found.push(camera),
             }
-            #[cfg(not(all(feature = "aravis", target_os = "linux")))]
-            Self::Aravis => usb::closed(usb::USB3_VISION, self),
         }
+        found
     }
 }
 
@@ -82,14 +105,22 @@ pub fn scan_cameras() -> Vec<FoundCamera> {
     let found = CameraDriver::ALL.into_iter().filter(|driver| driver.is_built());
     let mut found: Vec<_> = found.flat_map(CameraDriver::scan).collect();
     for camera in found.iter_mut().filter(|camera| camera.problem.is_none()) {
-        camera.problem = match camera.driver {
-            #[cfg(all(feature = "aravis", target_os = "linux"))]
-            CameraDriver::Aravis => aravis::is_free(camera).err(),
-            #[cfg(not(all(feature = "aravis", target_os = "linux")))]
-            CameraDriver::Aravis => None,
-        };
+        camera.problem = is_free(camera).err();
     }
     found
+}
+
+/// Whether nobody else has a camera. To open a still camera is to unfold its lens: it is not asked.
+#[cfg_attr(
+    not(all(feature = "aravis", target_os = "linux")),
+    expect(unused_variables, reason = "there is nothing to ask")
+)]
+fn is_free(camera: &FoundCamera) -> Result<(), DeviceError> {
+    #[cfg(all(feature = "aravis", target_os = "linux"))]
+    if camera.driver == CameraDriver::Aravis {
+        return aravis::is_free(camera);
+    }
+    Ok(())
 }
 
 /// A camera that is there.

@@ -13,6 +13,16 @@ pub(super) type UsbClass = [u8; 3];
 /// The control interface of USB3 Vision (USB3 Vision 1.0, section 2.2).
 pub(super) const USB3_VISION: UsbClass = [0xEF, 0x05, 0x00];
 
+/// Still image capture, PTP (USB Still Image Capture Device Definition 1.0, section 4).
+pub(super) const STILL_IMAGE: UsbClass = [0x06, 0x01, 0x01];
+
+/// Whether a camera that its driver has at a port such as `usb:002,007` is that of a node such as
+/// `/dev/bus/usb/002/007`.
+pub(super) fn is_at(camera: &FoundCamera, node: &str) -> bool {
+    let port = camera.id.strip_prefix("usb:").and_then(|port| port.split_once(','));
+    port.is_some_and(|(bus, device)| node == format!("{NODES}/{bus}/{device}"))
+}
+
 /// Where Linux describes what is plugged in, and where it is opened.
 const DESCRIPTIONS: &str = "/sys/bus/usb/devices";
 const NODES: &str = "/dev/bus/usb";
@@ -143,6 +153,22 @@ mod tests {
         assert_eq!((found.vendor, found.product, &*found.name), (0x2676, 0xba02, "Basler ace"));
         let nodes = folder.path().join("dev");
         assert_eq!(node(&device, &nodes).unwrap(), nodes.join("002/007"));
+    }
+
+    #[test]
+    fn a_port_and_a_node_are_one_place() {
+        let at = |port: &str| FoundCamera {
+            driver: CameraDriver::Gphoto2,
+            name: "x".into(),
+            id: port.into(),
+            serial: None,
+            address: None,
+            fake: false,
+            problem: None,
+        };
+        assert!(is_at(&at("usb:002,007"), "/dev/bus/usb/002/007"));
+        assert!(!is_at(&at("usb:002,008"), "/dev/bus/usb/002/007"));
+        assert!(!is_at(&at("Aravis-Fake"), "/dev/bus/usb/002/007"));
     }
 
     #[test]
