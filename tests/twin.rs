@@ -134,6 +134,10 @@ fn frames_through_real_drivers_are_those_of_the_simulated_rig() {
     // The last thing that was photographed was held, far from where blocks lie.
     assert_eq!((twin.stage().at(0), twin.stage().at(1)), (10.0, 90.0));
     assert_eq!(twin.lamp().input(), "31");
+    // The same lamp, over its other wire.
+    let patience = rig::devices::Patience::default();
+    let mut serial = rig::devices::Optoma::new(twin.optoma_port(), 9600, 0, patience);
+    assert_eq!(serial.power_state().unwrap(), PowerState::On);
     assert_eq!(parking.park(Duration::from_secs(20)).len(), 0);
     assert_eq!(twin.stage().at(0), 0.0);
     let mut lamp = twin.lamp().clone();

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// A whole rig without hardware, to try the drivers for hardware on
 ///
 /// The simulated rig as a GigE Vision camera on the loopback interface, a projector that is a
-/// monitor and is switched over PJLink, a stage with GRBL, and hands that put things in their
+/// monitor and is switched over PJLink or Optoma's protocol, a stage with GRBL, and hands that put things in their
 /// places. Its rig file is written to the folder once everything is there; it runs until Ctrl-C.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig twin twin --sample marble --seed 7\n  \

@@ -12,8 +12,8 @@ use rig::DeviceError;
 use rig::devices::{Coordinate, Degrees, Millimetres, Range, StageAxis};
 
 use super::{
-    GigeCamera, GrblEmulator, PjlinkEmulator, ProjectorSpec, Screen, SimulatedProjector,
-    SimulatedStage, VirtualScreen, Wire,
+    GigeCamera, GrblEmulator, OptomaEmulator, PjlinkEmulator, ProjectorSpec, Screen,
+    SimulatedProjector, SimulatedStage, VirtualScreen, Wire,
 };
 use crate::{SampleSpec, SimulatedRig};
 use camera::TwinCamera;
@@ -53,8 +53,8 @@ pub enum TwinError {
 }
 
 /// A simulated rig behind the protocols of real devices: a GigE Vision camera on the loopback
-/// interface, a projector that is a monitor and is switched over PJLink, a stage with GRBL at a
-/// serial port, and hands. The sample is lit by what really stands on the monitor, while the lamp
+/// interface, a projector that is a monitor and is switched over PJLink or, at a serial port, in
+/// Optoma's words, a stage with GRBL at another, and hands. The sample is lit by what really stands on the monitor, while the lamp
 /// burns. The stage moves; nothing stands on it.
 ///
 /// Exposures are whole microseconds, as the camera counts. Nobody tells the camera which frame of a
@@ -66,6 +66,7 @@ pub struct Twin {
     camera: GigeCamera,
     stand: SimulatedStage,
     lamp: SimulatedProjector,
+    optoma: Wire,
     _parts: (Hands, Wire, Wire, Option<VirtualScreen>),
     rig_file: PathBuf,
 }
@@ -106,6 +107,8 @@ impl Twin {
         let lamp = SimulatedProjector::new(ProjectorSpec::default());
         let control = Wire::tcp(0, PjlinkEmulator::new(lamp.clone(), None))
             .map_err(system("port for PJLink"))?;
+        let optoma = Wire::serial(OptomaEmulator::new(lamp.clone()))
+            .map_err(system("pseudo-terminal of the projector"))?;
         let stand = SimulatedStage::new(axes(), SPEED);
         let stage = Wire::serial(GrblEmulator::new(stand.clone()))
             .map_err(system("pseudo-terminal of the stage"))?;
@@ -121,7 +124,9 @@ impl Twin {
              [projector.display]\ndriver = \"window\"\nmonitor = {monitor:?}\n{server}\
              # No electronics between the screen and its light.\nsettle_ms = 0.0\n\n\
              [projector.control]\ndriver = \"pjlink\"\nhost = \"127.0.0.1\"\nport = {port}\n\
-             input = \"31\"\n\n\
+             input = \"31\"\n\
+             # The same projector at its serial port:\n\
+             # driver = \"optoma\"\n# port = {serial:?}\n# input = \"1\"\n\n\
              [hands]\ndriver = \"program\"\nprogram = {hands:?}\nlimit_s = 30.0\n\n\
              [stage]\ndriver = \"grbl\"\nport = {stage:?}\n\n\
              [[stage.axes]]\nname = \"slide\"\nletter = \"X\"\nunit = \"mm\"\n\
@@ -133,11 +138,12 @@ impl Twin {
              [[places]]\ntarget = \"front-plane\"\nat = {{ slide = 110.0 }}\n\n\
              [[places]]\ntarget = \"held\"\nat = {{ slide = 10.0, turntable = 90.0 }}\n",
             port = control.address(),
+            serial = optoma.address(),
             hands = hands.program(),
             stage = stage.address(),
         );
         atomic_write(&rig_file, overwrite, |file| file.write_all(text.as_bytes()))?;
-        Ok(Self { camera, stand, lamp, _parts: (hands, control, stage, screen), rig_file })
+        Ok(Self { camera, stand, lamp, optoma, _parts: (hands, control, stage, screen), rig_file })
     }
 
     /// The rig file that describes it.
@@ -153,6 +159,11 @@ impl Twin {
     /// What the projector's remote control switches.
     pub fn lamp(&self) -> &SimulatedProjector {
         &self.lamp
+    }
+
+    /// The projector's serial port, where it understands Optoma's words.
+    pub fn optoma_port(&self) -> &str {
+        self.optoma.address()
     }
 
     /// Why the camera gave no frame when it was asked for one last, if it gave none.
