@@ -319,3 +319,31 @@ fn the_noise_of_a_curved_camera_is_that_of_its_light() {
         assert!((chi2 - 1.0).abs() < 0.07, "columns from {from}: {chi2}");
     }
 }
+
+/// Blocks of lanes that are not full must not look at what other blocks left in them: which blocks
+/// came before on a thread depends on the number of threads, and on chance.
+#[test]
+fn a_merge_is_the_same_on_any_number_of_threads() {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    // Some of it so dim that neighbours are asked; 89 rows fill no whole number of blocks.
+    let frames: Vec<(Photo, f64)> = TIMES
+        .into_iter()
+        .map(|t| {
+            let data = (0..SIDE * 89).map(|p| code(light(p) * t / 50.0, 4.0, &mut rng)).collect();
+            (photo("dim", 1, data), t)
+        })
+        .collect();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let (image, report) = pool.install(|| merged(&frames, None));
+        let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        // The report shows what the first, coarse look at the exposures found.
+        (bits(&image.radiance), bits(&image.variance), format!("{report:?}"))
+    };
+    let one = on(1);
+    for threads in [2, 3, 5, 8, 16] {
+        for round in 0..10 {
+            assert!(on(threads) == one, "{threads} threads, round {round}");
+        }
+    }
+}

@@ -138,6 +138,7 @@ fn solve_few(frames: &[Frame], channels: &[Channel]) -> (Vec<f32>, Vec<f32>) {
                         exposure.dark[l] = few.dark[from + l];
                         exposure.x[l] = few.light[from + l] + few.dark[from + l];
                     }
+                    pad(exposure, count, 1);
                 }
                 arch.dispatch(Block { bench, channel: &channels[c] });
                 let out = &bench.solved;
@@ -281,6 +282,7 @@ fn work<F: MultiplyAdd>(piece: Piece) {
                     let place = at + first + l * stride;
                     exposure.dark[l] = frame.dark.exposure(channel, |m| strip.darks[m][place]);
                 }
+                pad(exposure, count, like);
             }
             solve_channel::<F>(bench, channel, like);
             let out = &bench.solved;
@@ -299,6 +301,16 @@ fn work<F: MultiplyAdd>(piece: Piece) {
             }
             first += count * stride;
         }
+    }
+}
+
+/// Fills the lanes that a short block leaves with its last samples of each colour: lanes look at their
+/// neighbours, and what an earlier block has left there depends on which thread did which block.
+#[inline(always)]
+fn pad(exposure: &mut Exposures, count: usize, like: usize) {
+    for l in count..LANES {
+        let from = l.checked_sub(like).unwrap_or(count - 1);
+        (exposure.x[l], exposure.dark[l]) = (exposure.x[from], exposure.dark[from]);
     }
 }
 
