@@ -123,6 +123,26 @@ fn a_camera_is_read_and_written_back_and_its_slips_are_named() {
 }
 
 #[test]
+fn a_video_device_is_read_and_its_slips_are_named() {
+    let video = "version = 1\n[camera]\ndriver = \"v4l\"\ndevice = \"/dev/video0\"\n\
+        pixel_format = \"Y10\"\nsize = [640, 480]\ngain = 2\n";
+    let file = parse(video).unwrap();
+    assert_eq!(parse(&toml::to_string(&file).unwrap()).unwrap(), file);
+    for (from, to, key) in [
+        ("\"/dev/video0\"", "\" \"", "camera.device"),
+        ("\"Y10\"", "\"Mono10\"", "camera.pixel_format"),
+        ("640", "0", "camera.size"),
+        ("480", "4294967295", "camera.size"),
+    ] {
+        assert!(video.contains(from), "{from}");
+        match parse(&video.replacen(from, to, 1)) {
+            Err(RigFileError::Value { key: found, .. }) => assert_eq!(found, key),
+            other => panic!("{to}: {other:?}"),
+        }
+    }
+}
+
+#[test]
 fn two_devices_cannot_share_a_port_and_a_rig_is_not_nothing() {
     let shared = r#"
         version = 1

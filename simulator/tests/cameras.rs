@@ -26,7 +26,7 @@ fn serve(camera: TestCamera, serial: &str) -> GigeCamera {
 }
 
 fn settings(serial: &str) -> GenicamSettings {
-    let choice = CameraChoice { name: None, serial: Some(serial.into()) };
+    let choice = CameraChoice { serial: Some(serial.into()), ..CameraChoice::default() };
     GenicamSettings { choice, ..GenicamSettings::default() }
 }
 
@@ -109,7 +109,7 @@ fn a_name_that_fits_two_and_one_that_fits_none() {
     // SAFETY: a text that ends, and a switch that any thread may use.
     unsafe { aravis_sys::arv_enable_interface(c"Fake".as_ptr()) };
     let by_name = |name: &str| {
-        let choice = CameraChoice { name: Some(name.into()), serial: None };
+        let choice = CameraChoice { name: Some(name.into()), ..CameraChoice::default() };
         Aravis::open(GenicamSettings { choice, ..GenicamSettings::default() }).err().unwrap()
     };
     let error = by_name("aravis fake");

@@ -19,6 +19,7 @@ const NEEDS: &[Need] = &[
     Need { packages: &["libaravis-dev"], what_for: "GigE Vision and USB3 Vision cameras" },
     Need { packages: &["libusb-1.0-0-dev"], what_for: "missing from what libaravis-dev asks for" },
     Need { packages: &["libgphoto2-dev"], what_for: "tethered still cameras" },
+    Need { packages: &["linux-libc-dev"], what_for: "video devices (/dev/video0)" },
     Need { packages: &["libvulkan1"], what_for: "Vulkan, for computing on the GPU" },
     Need { packages: &["mesa-vulkan-drivers"], what_for: "Vulkan where there is no GPU" },
     Need { packages: &["libx11-xcb1"], what_for: "the projector's window" },
@@ -41,7 +42,7 @@ pub fn setup() -> Result<(), Stop> {
             eprintln!(
                 "This is no Debian or Ubuntu: please see to it that a C++ compiler, pkg-config, \
                  OpenCV 4 with its contrib modules, clang with libclang, Aravis 0.8.25 or later, \
-                 gphoto2,                  and a Vulkan driver are installed. Going on."
+                 gphoto2, and a Vulkan driver are installed. Going on."
             );
             Ok(())
         }

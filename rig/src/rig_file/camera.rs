@@ -9,6 +9,8 @@ use crate::devices::camera::{Aravis, GenicamSettings};
 use crate::devices::camera::{CameraChoice, CameraDriver, FoundCamera};
 #[cfg(all(feature = "gphoto2", target_os = "linux"))]
 use crate::devices::camera::{Gphoto2, StillSettings};
+#[cfg(all(feature = "v4l", target_os = "linux"))]
+use crate::devices::camera::{V4l, VideoSettings};
 use crate::{Camera, DeviceError};
 
 /// `[camera]`. All drivers are known, whether this program was built with them or not, so that a
@@ -43,6 +45,19 @@ pub enum CameraConfig {
         /// In the camera's words, a JPEG; as it is set at the camera if left out.
         image_format: Option<String>,
     },
+    /// A video device of Linux.
+    V4l {
+        /// A part of what it is called; not needed where there is only one.
+        name: Option<String>,
+        /// Its path, such as /dev/video0 or /dev/v4l/by-id/..., or its bus.
+        device: Option<String>,
+        /// By its four characters, such as Y10; the deepest that is understood if left out.
+        pixel_format: Option<String>,
+        /// Width and height, pixels; the largest if left out.
+        size: Option<[u32; 2]>,
+        /// In the camera's own numbers; the lowest if left out.
+        gain: Option<i32>,
+    },
 }
 
 impl CameraConfig {
@@ -57,6 +72,7 @@ impl CameraConfig {
             Self::Simulated {} => None,
             Self::Aravis { .. } => Some(CameraDriver::Aravis),
             Self::Gphoto2 { .. } => Some(CameraDriver::Gphoto2),
+            Self::V4l { .. } => Some(CameraDriver::V4l),
         }
     }
 
@@ -65,9 +81,14 @@ impl CameraConfig {
         match self {
             Self::Simulated {} => CameraChoice::default(),
             Self::Aravis { name, serial, .. } => {
-                CameraChoice { name: name.clone(), serial: serial.clone() }
+                CameraChoice { name: name.clone(), serial: serial.clone(), device: None }
             }
-            Self::Gphoto2 { name, .. } => CameraChoice { name: name.clone(), serial: None },
+            Self::Gphoto2 { name, .. } => {
+                CameraChoice { name: name.clone(), ..CameraChoice::default() }
+            }
+            Self::V4l { name, device, .. } => {
+                CameraChoice { name: name.clone(), device: device.clone(), serial: None }
+            }
         }
     }
 
@@ -80,7 +101,7 @@ impl CameraConfig {
         if !driver.is_built() {
             return Err(self.missing(driver));
         }
-        self.choice().pick(driver.scan()).map(Some)
+        driver.find(&self.choice()).map(Some)
     }
 
     /// The camera, ready to expose.
@@ -108,6 +129,14 @@ impl CameraConfig {
             }
             #[cfg(not(all(feature = "gphoto2", target_os = "linux")))]
             Self::Gphoto2 { .. } => Err(self.missing(CameraDriver::Gphoto2)),
+            #[cfg(all(feature = "v4l", target_os = "linux"))]
+            Self::V4l { pixel_format, size, gain, .. } => {
+                let (pixel_format, choice) = (pixel_format.clone(), self.choice());
+                let settings = VideoSettings { choice, pixel_format, size: *size, gain: *gain };
+                Ok(Box::new(V4l::open(settings)?))
+            }
+            #[cfg(not(all(feature = "v4l", target_os = "linux")))]
+            Self::V4l { .. } => Err(self.missing(CameraDriver::V4l)),
         }
     }
 
@@ -116,14 +145,30 @@ impl CameraConfig {
     }
 
     pub(super) fn check(&self) -> Result<(), Problem> {
-        let CameraChoice { name, serial } = self.choice();
-        for (key, text) in [("camera.name", &name), ("camera.serial", &serial)] {
+        let CameraChoice { name, serial, device } = self.choice();
+        for (key, text) in
+            [("camera.name", &name), ("camera.serial", &serial), ("camera.device", &device)]
+        {
             if text.as_ref().is_some_and(|text| text.trim().is_empty()) {
                 return wrong(key, "what the camera says of itself", "nothing");
             }
         }
         match self {
             Self::Simulated {} => {}
+            Self::V4l { pixel_format, size, .. } => {
+                if let Some(format) = pixel_format
+                    && !(1..=4).contains(&format.trim().len())
+                {
+                    let expected = "four characters, such as GREY or Y10";
+                    return wrong("camera.pixel_format", expected, format!("{format:?}"));
+                }
+                // Sensors of a hundred thousand pixels across are not made.
+                if let Some(size) = size
+                    && !size.iter().all(|side| (1..=100_000).contains(side))
+                {
+                    return wrong("camera.size", "width and height in pixels", format!("{size:?}"));
+                }
+            }
             Self::Gphoto2 { aperture, iso, image_format, .. } => {
                 for (key, text) in
                     [("aperture", aperture), ("iso", iso), ("image_format", image_format)]

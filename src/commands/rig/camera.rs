@@ -1,6 +1,6 @@
 //! Cameras in `diaphane rig list` and `diaphane rig test`, and the way out where one cannot be used.
 
-use super::permission::usb_rule;
+use super::permission::{usb_rule, video_rule};
 use crate::Failure;
 use crate::output::check_output;
 use ::rig::devices::camera::{CameraDriver, FoundCamera, scan_cameras, usb_device};
@@ -80,6 +80,7 @@ pub(crate) fn how_to_get(driver: CameraDriver) -> String {
 pub(super) fn advice(driver: CameraDriver, error: &DeviceError) -> Option<String> {
     Some(match error {
         DeviceError::MissingDriver { .. } => how_to_get(driver),
+        DeviceError::NoPermission { path, .. } if driver == CameraDriver::V4l => video_rule(path),
         DeviceError::NoPermission { path, .. } => {
             format!("add a rule that lets you:\n{}", usb_rule(path, usb_device(path).as_ref()))
         }
@@ -88,10 +89,18 @@ pub(super) fn advice(driver: CameraDriver, error: &DeviceError) -> Option<String
         | DeviceError::Disconnected { .. } => {
             "is it plugged in, and powered? On a network: in the same subnet as this machine, with no firewall between? What is there: diaphane rig list".into()
         }
+        DeviceError::Ambiguous { .. } if driver == CameraDriver::V4l => {
+            "say which in the rig file: device = \"/dev/v4l/by-id/...\" under [camera]".into()
+        }
         DeviceError::Ambiguous { .. } => {
             "say which in the rig file: serial = \"...\" under [camera]".into()
         }
         DeviceError::Busy { .. } => "another program has it: close it".into(),
+        DeviceError::Timeout { .. } | DeviceError::Protocol { .. }
+            if driver == CameraDriver::V4l =>
+        {
+            "another cable, a port of its own without a hub, a smaller size".into()
+        }
         DeviceError::Timeout { .. } | DeviceError::Protocol { .. } => {
             "on a network: the cable, the switch, and a firewall that lets UDP through".into()
         }

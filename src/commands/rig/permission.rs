@@ -21,7 +21,7 @@ pub(super) fn advice(kind: DeviceErrorKind, address: Option<&Address>) -> Option
             "a Vulkan driver has to be there; where the graphics device has none: sudo apt-get install mesa-vulkan-drivers".into()
         }
         (DeviceErrorKind::NoPermission, Some(path)) => {
-            format!("{}\n{}", group(), udev_rule(path, usb_adapter(path).as_ref()))
+            format!("{}\n{}", group("dialout"), udev_rule(path, usb_adapter(path).as_ref()))
         }
         (DeviceErrorKind::Busy, Some(path)) => {
             format!("another program has it; find out which: fuser {path}")
@@ -42,8 +42,16 @@ pub(super) fn advice(kind: DeviceErrorKind, address: Option<&Address>) -> Option
     })
 }
 
-fn group() -> &'static str {
-    "add yourself to the group that may: sudo usermod -aG dialout $USER, and log in again; or add a rule"
+fn group(name: &str) -> String {
+    format!(
+        "add yourself to the group that may: sudo usermod -aG {name} $USER, and log in again; or add a rule"
+    )
+}
+
+/// What to do to have a video device opened to whoever sits at the machine.
+pub(super) fn video_rule(path: &str) -> String {
+    let which = format!("KERNEL==\"{}\"", path.rsplit('/').next().unwrap_or(path));
+    format!("{}\n{}", group("video"), rule("video4linux", &which))
 }
 
 /// What to type to have the port opened to whoever sits at the machine.
@@ -91,6 +99,9 @@ mod tests {
         let rule = usb_rule("/dev/bus/usb/002/007", Some(&usb));
         assert!(rule.contains(r#""usb", ATTR{idVendor}=="1a86""#), "{rule}");
         assert!(usb_rule("/dev/bus/usb/002/007", None).contains("usb/002/007"));
+        let rule = video_rule("/dev/video2");
+        assert!(rule.contains(r#""video4linux", KERNEL=="video2""#), "{rule}");
+        assert!(rule.contains("usermod -aG video"), "{rule}");
         let port = Address::Serial("/dev/there-is-no-such-port".into());
         let told = advice(DeviceErrorKind::NoPermission, Some(&port)).unwrap_or_default();
         assert!(told.contains("dialout") && told.contains("udevadm"), "{told}");

@@ -13,6 +13,8 @@ mod pixels;
 mod select;
 mod self_test;
 mod usb;
+#[cfg(all(feature = "v4l", target_os = "linux"))]
+mod video;
 
 #[cfg(all(feature = "aravis", target_os = "linux"))]
 pub use aravis::{Aravis, GenicamSettings};
@@ -23,6 +25,8 @@ pub use pixels::{Colour, Packing, PixelError, PixelFormat, Pixels};
 pub use select::CameraChoice;
 pub use self_test::test_camera;
 pub use usb::usb_device;
+#[cfg(all(feature = "v4l", target_os = "linux"))]
+pub use video::{V4l, VideoSettings};
 
 use crate::DeviceError;
 
@@ -33,17 +37,20 @@ pub enum CameraDriver {
     Aravis,
     /// Tethered still cameras, by gphoto2.
     Gphoto2,
+    /// What Linux knows as video devices, by V4L2.
+    V4l,
 }
 
 impl CameraDriver {
     /// All of them, built or not.
-    pub const ALL: [Self; 2] = [Self::Aravis, Self::Gphoto2];
+    pub const ALL: [Self; 3] = [Self::Aravis, Self::Gphoto2, Self::V4l];
 
     /// Its name in rig files, and that of its Cargo feature.
     pub fn name(self) -> &'static str {
         match self {
             Self::Aravis => "aravis",
             Self::Gphoto2 => "gphoto2",
+            Self::V4l => "v4l",
         }
     }
 
@@ -52,6 +59,7 @@ impl CameraDriver {
         match self {
             Self::Aravis => "GigE Vision and USB3 Vision cameras",
             Self::Gphoto2 => "tethered still cameras",
+            Self::V4l => "video devices of Linux (/dev/video0): webcams, modules, frame grabbers",
         }
     }
 
@@ -60,6 +68,7 @@ impl CameraDriver {
         match self {
             Self::Aravis => &["libaravis-dev", "libusb-1.0-0-dev"],
             Self::Gphoto2 => &["libgphoto2-dev", "clang"],
+            Self::V4l => &["linux-libc-dev", "clang"],
         }
     }
 
@@ -68,13 +77,16 @@ impl CameraDriver {
         match self {
             Self::Aravis => cfg!(all(feature = "aravis", target_os = "linux")),
             Self::Gphoto2 => cfg!(all(feature = "gphoto2", target_os = "linux")),
+            Self::V4l => cfg!(all(feature = "v4l", target_os = "linux")),
         }
     }
 
-    fn usb_class(self) -> usb::UsbClass {
+    /// Of those whose drivers open them as USB devices, not as devices of their own.
+    fn usb_class(self) -> Option<usb::UsbClass> {
         match self {
-            Self::Aravis => usb::USB3_VISION,
-            Self::Gphoto2 => usb::STILL_IMAGE,
+            Self::Aravis => Some(usb::USB3_VISION),
+            Self::Gphoto2 => Some(usb::STILL_IMAGE),
+            Self::V4l => None,
         }
     }
 
@@ -85,10 +97,17 @@ impl CameraDriver {
             Self::Aravis => aravis::scan(),
             #[cfg(all(feature = "gphoto2", target_os = "linux"))]
             Self::Gphoto2 => gphoto2::scan(),
-            #[cfg(not(all(feature = "aravis", feature = "gphoto2", target_os = "linux")))]
+            #[cfg(all(feature = "v4l", target_os = "linux"))]
+            Self::V4l => video::scan(),
+            #[cfg(not(all(
+                feature = "aravis",
+                feature = "gphoto2",
+                feature = "v4l",
+                target_os = "linux"
+            )))]
             _ => Vec::new(),
         };
-        for camera in usb::closed(self.usb_class(), self) {
+        for camera in self.usb_class().into_iter().flat_map(|class| usb::closed(class, self)) {
             // Some are seen by their drivers though they may not be opened.
             match found.iter_mut().find(|seen| usb::is_at(seen, &camera.id)) {
                 Some(seen) => seen.problem = camera.problem,
@@ -96,6 +115,18 @@ impl CameraDriver {
             }
         }
         found
+    }
+
+    /// The camera that is meant, not opened yet.
+    ///
+    /// # Errors
+    /// None is there, or more than one may be meant; see [`CameraChoice::pick`].
+    pub fn find(self, choice: &CameraChoice) -> Result<FoundCamera, DeviceError> {
+        match self {
+            #[cfg(all(feature = "v4l", target_os = "linux"))]
+            Self::V4l => video::find(choice),
+            _ => choice.pick(self.scan()),
+        }
     }
 }
 
@@ -112,13 +143,17 @@ pub fn scan_cameras() -> Vec<FoundCamera> {
 
 /// Whether nobody else has a camera. To open a still camera is to unfold its lens: it is not asked.
 #[cfg_attr(
-    not(all(feature = "aravis", target_os = "linux")),
+    not(all(any(feature = "aravis", feature = "v4l"), target_os = "linux")),
     expect(unused_variables, reason = "there is nothing to ask")
 )]
 fn is_free(camera: &FoundCamera) -> Result<(), DeviceError> {
     #[cfg(all(feature = "aravis", target_os = "linux"))]
     if camera.driver == CameraDriver::Aravis {
         return aravis::is_free(camera);
+    }
+    #[cfg(all(feature = "v4l", target_os = "linux"))]
+    if camera.driver == CameraDriver::V4l {
+        return video::is_free(camera);
     }
     Ok(())
 }
@@ -136,6 +171,8 @@ pub struct FoundCamera {
     pub serial: Option<String>,
     /// Where it is: an address of the network, a device of the system.
     pub address: Option<String>,
+    /// Where it is plugged in, in the system's words, where its driver tells.
+    pub bus: Option<String>,
     /// In software.
     pub fake: bool,
     /// What keeps it from being used, if anything does.

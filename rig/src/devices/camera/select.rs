@@ -10,6 +10,8 @@ pub struct CameraChoice {
     pub name: Option<String>,
     /// Its serial number, exactly.
     pub serial: Option<String>,
+    /// The device of the system that it is, or where it is plugged in, exactly.
+    pub device: Option<String>,
 }
 
 impl std::fmt::Display for CameraChoice {
@@ -20,6 +22,9 @@ impl std::fmt::Display for CameraChoice {
         }
         if let Some(serial) = &self.serial {
             write!(f, " with serial number {serial}")?;
+        }
+        if let Some(device) = &self.device {
+            write!(f, " at {device}")?;
         }
         Ok(())
     }
@@ -37,6 +42,9 @@ impl CameraChoice {
             name.as_ref().is_none_or(|name| {
                 camera.name.to_lowercase().contains(name) || camera.id.to_lowercase() == *name
             }) && self.serial.as_ref().is_none_or(|serial| camera.serial.as_ref() == Some(serial))
+                && self.device.as_ref().is_none_or(|device| {
+                    camera.id == *device || camera.bus.as_ref() == Some(device)
+                })
         };
         let (matching, others): (Vec<_>, Vec<_>) = cameras.into_iter().partition(fits);
         let device = self.to_string();
@@ -69,12 +77,21 @@ mod tests {
         let id = format!("{name}-{serial}");
         let (name, serial) = (name.to_owned(), Some(serial.to_owned()));
         let driver = CameraDriver::Aravis;
-        FoundCamera { driver, name, id, serial, address: None, fake: false, problem: None }
+        FoundCamera {
+            driver,
+            name,
+            id,
+            serial,
+            address: None,
+            bus: None,
+            fake: false,
+            problem: None,
+        }
     }
 
     fn pick(name: &str, serial: &str) -> Result<String, DeviceError> {
         let some = |text: &str| (!text.is_empty()).then(|| text.to_owned());
-        let choice = CameraChoice { name: some(name), serial: some(serial) };
+        let choice = CameraChoice { name: some(name), serial: some(serial), device: None };
         let there = vec![camera("Basler acA1920", "1"), camera("Basler acA1920", "2")];
         choice.pick(there).map(|camera| camera.id)
     }
@@ -110,7 +127,7 @@ mod tests {
             path: "/dev/bus/usb/001/002".into(),
         };
         closed.problem = Some(problem("USB camera"));
-        let choice = CameraChoice { name: Some("Basler".into()), serial: None };
+        let choice = CameraChoice { name: Some("Basler".into()), ..CameraChoice::default() };
         let error = choice.pick(vec![closed]).unwrap_err();
         assert_eq!(error.kind(), DeviceErrorKind::NoPermission);
     }

@@ -62,6 +62,7 @@ fn closed_below(
                     id: address.clone(),
                     serial: text(&folder, "serial"),
                     address: Some(address),
+                    bus: None,
                     fake: false,
                     problem: Some(problem),
                 }
@@ -163,6 +164,7 @@ mod tests {
             id: port.into(),
             serial: None,
             address: None,
+            bus: None,
             fake: false,
             problem: None,
         };

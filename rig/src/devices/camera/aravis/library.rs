@@ -38,6 +38,7 @@ unsafe fn entry(number: c_uint) -> Option<FoundCamera> {
         driver: CameraDriver::Aravis,
         name: if words.is_empty() { id.clone() } else { words.join(" ") },
         // Aravis' own fakes, on a wire or not, and the simulated rig behind one of them.
+        bus: None,
         fake: protocol.as_deref() == Some("Fake") || words == ["Aravis", "Fake"] || is_twin(&words),
         serial: text(aravis_sys::arv_get_device_serial_nbr),
         address: text(aravis_sys::arv_get_device_address),

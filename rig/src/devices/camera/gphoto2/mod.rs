@@ -71,6 +71,7 @@ pub fn scan() -> Vec<FoundCamera> {
         id: camera.port.clone(),
         serial: None,
         address: Some(camera.port),
+        bus: None,
         fake: false,
         problem: None,
     };
