@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use exr::meta::attribute::LineOrder;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes,
     ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, f16, read,
@@ -97,7 +98,8 @@ pub fn write_exr_as(
     let layer = Layer::new(
         (image.width, image.height),
         attributes,
-        Encoding::SMALL_LOSSLESS,
+        // Blocks in the file's order, not in that in which threads get done with them.
+        Encoding { line_order: LineOrder::Increasing, ..Encoding::SMALL_LOSSLESS },
         AnyChannels::sort(channels),
     );
     let file = Image::from_layer(layer);
