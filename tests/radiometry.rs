@@ -4,7 +4,7 @@ mod common;
 #[path = "common/data.rs"]
 mod data;
 #[cfg(feature = "raw")]
-#[path = "../calibration/tests/common/dng.rs"]
+#[path = "../raw/tests/common/dng.rs"]
 mod dng;
 
 use common::diaphane;

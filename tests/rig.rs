@@ -2,6 +2,9 @@
 #![cfg(unix)]
 
 mod common;
+#[cfg(all(feature = "gphoto2", target_os = "linux"))]
+#[path = "../raw/tests/common/dng.rs"]
+mod dng;
 
 use common::diaphane;
 use rig::devices::{
@@ -262,6 +265,22 @@ fn a_virtual_still_camera_is_listed_and_tested() {
     assert_eq!(seen.dimensions(), (96, 64));
     let red = |x| i32::from(seen.get_pixel(x, 32).0[0]);
     assert!(red(90) > red(50) + 20 && red(50) > red(10) + 20, "the ramp is not in the picture");
+    // It serves whatever its card has by the name of a JPEG: a raw file of 14 bits.
+    let dng = dng::Dng {
+        width: 96,
+        height: 64,
+        codes: (0..96 * 64).map(|i| 600 + 100 * (i % 96)).collect(),
+        filter: (2, vec![0, 1, 1, 2]),
+        black: [512; 4],
+        white: 16_383,
+        active: [0, 0, 64, 96],
+        exposure: (1, 20),
+    };
+    std::fs::write(pictures.join("DSC_0001.JPG"), dng.bytes()).unwrap();
+    let listed = run("list", &path);
+    assert_eq!(listed.code, 0, "{}", listed.stderr);
+    let found = listed.json["devices"][0]["found"].as_str().unwrap();
+    assert!(found.contains("D750, 48 x 32 pixels, colour, 14 bits"), "{found}");
     // What it does not have is named with what it has.
     let (_other, path) = rig_file(&text("f/1"));
     let refused = run("list", &path);

@@ -145,6 +145,23 @@ pub enum CalibrationError {
     },
 }
 
+impl From<raw::RawError> for CalibrationError {
+    fn from(error: raw::RawError) -> Self {
+        use raw::RawError as R;
+        match error {
+            R::Io { path, source } => Self::Io { path, source },
+            R::BadFile { path, expected, found } => {
+                Self::BadFile { path, expected: expected.into(), found }
+            }
+            R::BadPattern { found } => Self::BadInput {
+                what: "Bayer pattern".into(),
+                expected: "rggb, bggr, grbg or gbrg".into(),
+                found,
+            },
+        }
+    }
+}
+
 impl CalibrationError {
     pub(crate) fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_path_buf();

@@ -61,14 +61,15 @@ pub use radiometry::hdr::HdrImage;
 pub use radiometry::masters::{FlatField, MasterDark};
 pub use radiometry::merge::drift::ExposureCheck;
 pub use radiometry::merge::{MergeReport, Merger, merge};
-pub use radiometry::mosaic::{Bayer, merge_mosaic};
+pub use radiometry::mosaic::{merge_mosaic, quads};
 pub use radiometry::noise::NoiseModel;
 pub use radiometry::projector_light::{
     ChannelLight, ProjectorFlatField, ProjectorLight, measure_projector_light,
 };
-pub use radiometry::raw::{RawPhoto, is_raw, read_raw};
+pub use radiometry::raw::{RawPhoto, read_raw};
 pub use radiometry::response::{KNOTS, Response};
 pub use radiometry::transfer::{Estimate, PhotonTransfer, SensorNoise, TransferPoint};
+pub use raw::{Bayer, is_raw};
 pub use structured_light::corners::{LitCorner, coded_corners, light_corners};
 pub use structured_light::decode::{CodeMap, Decoded, decode};
 pub use structured_light::layout::{CodeLayout, CodePicture, PhaseShift};

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
+use raw::is_raw;
 use rayon::prelude::*;
 
 use crate::error::{CalibrationError, Result};
-use crate::radiometry::raw::{is_raw, read_raw};
+use crate::radiometry::raw::read_raw;
 
 /// A picture: `width × height` pixels of `channels` (1 grey or 3 RGB) integer codes.
 #[derive(Clone, Debug, PartialEq)]

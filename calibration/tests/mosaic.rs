@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 
 use calibration::{
     Bayer, CalibrationError, HdrImage, MasterDark, NoiseModel, Photo, list_pictures, merge_mosaic,
+    quads,
 };
 
 fn mosaic(radiance: Vec<f32>, width: usize) -> HdrImage {
@@ -32,16 +33,17 @@ fn quads_put_each_site_where_its_colour_belongs() {
     ] {
         let mut image = mosaic(sites.to_vec(), 2);
         let bayer = Bayer::parse(pattern).unwrap();
-        let colour = bayer.quads(&image).unwrap();
+        let colour = quads(bayer, &image).unwrap();
         assert_eq!(colour.radiance, [1.0, 3.0, 8.0], "{pattern}");
         assert_eq!(colour.variance, [1.0, 0.5, 1.0], "{pattern}");
         // A clipped green leaves the other one.
         let clipped = image.radiance.iter().position(|v| *v == 4.0).unwrap();
         image.variance[clipped] = f32::INFINITY;
-        assert_eq!(bayer.quads(&image).unwrap().radiance, [1.0, 2.0, 8.0], "{pattern}");
+        assert_eq!(quads(bayer, &image).unwrap().radiance, [1.0, 2.0, 8.0], "{pattern}");
     }
-    assert!(matches!(Bayer::parse("rgb"), Err(CalibrationError::BadInput { .. })));
-    let thin = Bayer::Rggb.quads(&mosaic(vec![1.0; 4], 1));
+    let error = Bayer::parse("rgb").unwrap_err().into();
+    assert!(matches!(error, CalibrationError::BadInput { .. }));
+    let thin = quads(Bayer::Rggb, &mosaic(vec![1.0; 4], 1));
     assert!(matches!(thin, Err(CalibrationError::BadInput { .. })), "{thin:?}");
 }
 

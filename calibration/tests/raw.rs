@@ -1,7 +1,7 @@
 //! Camera raw files: DNGs made up here, so that every code, level and time is known.
 #![cfg(feature = "raw")]
 
-#[path = "common/dng.rs"]
+#[path = "../../raw/tests/common/dng.rs"]
 mod dng;
 
 use calibration::{

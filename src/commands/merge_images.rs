@@ -8,9 +8,9 @@ use crate::exposures::{
 use crate::output::{Done, Progress, check_output};
 use crate::reading::Reading;
 use calibration::{
-    Bayer, Brightness, ExposureTable, ExrPrecision, FlatField, HdrImage, MergeReport, Merger,
-    NoiseModel, Response, check_brightness, list_pictures, recover_response,
-    recover_response_above, write_exr_as,
+    Bayer, Brightness, CalibrationError, ExposureTable, ExrPrecision, FlatField, HdrImage,
+    MergeReport, Merger, NoiseModel, Response, check_brightness, list_pictures, quads,
+    recover_response, recover_response_above, write_exr_as,
 };
 use material::Overwrite;
 use serde_json::json;
@@ -22,7 +22,8 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
     let mut warnings = Vec::new();
     let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;
     let bracket = exposures(images, table.as_ref(), &mut warnings)?;
-    let asked = args.bayer.as_deref().map(Bayer::parse).transpose()?;
+    let asked =
+        args.bayer.as_deref().map(Bayer::parse).transpose().map_err(CalibrationError::from)?;
     let Some(one) = bracket.first() else {
         return Err(Failure::input(format!("{}: no photographs", images.display())));
     };
@@ -41,7 +42,7 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
     let (image, report) =
         merged(&bracket, args, table.as_ref(), &reading, &response, &noise, &mut warnings)?;
     let image = match bayer {
-        Some(bayer) => bayer.quads(&image)?,
+        Some(bayer) => quads(bayer, &image)?,
         None => image,
     };
     let precision = if args.half { ExrPrecision::Half } else { ExrPrecision::Float };

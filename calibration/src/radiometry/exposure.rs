@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use exif::{In, Tag, Value};
+use raw::is_raw;
 
 use crate::error::{CalibrationError, Result};
-use crate::radiometry::raw::{is_raw, raw_exposure_s};
 
 /// The exposure time in seconds that a camera wrote into its JPEG, TIFF or raw file.
 ///
@@ -17,7 +17,7 @@ pub fn exif_exposure_s(path: impl AsRef<Path>) -> Result<f64> {
     let missing =
         |reason: String| CalibrationError::NoExposure { path: path.to_path_buf(), reason };
     if is_raw(path) {
-        let noted = raw_exposure_s(path)?;
+        let noted = raw::exposure_s(path)?;
         return noted.ok_or_else(|| missing("no positive ExposureTime field".into()));
     }
     let file = std::fs::File::open(path).map_err(CalibrationError::io(path))?;

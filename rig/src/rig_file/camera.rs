@@ -42,7 +42,7 @@ pub enum CameraConfig {
         aperture: Option<String>,
         /// In the camera's words, such as 100; as it is set at the camera if left out.
         iso: Option<String>,
-        /// In the camera's words, a JPEG; as it is set at the camera if left out.
+        /// In the camera's words, a JPEG or a raw one; as it is set at the camera if left out.
         image_format: Option<String>,
     },
     /// A video device of Linux.

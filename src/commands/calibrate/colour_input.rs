@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::output::Progress;
 use calibration::{
     Bayer, CalibrationError, ExposureTable, HdrImage, KNOTS, MasterDark, NoiseModel, Photo,
-    Response, exif_exposure_s, list_pictures, merge_mosaic, read_exr, srgb_to_linear,
+    Response, exif_exposure_s, list_pictures, merge_mosaic, quads, read_exr, srgb_to_linear,
 };
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,7 @@ fn picture(path: &Path, input: &Input) -> Result<HdrImage, Failure> {
         HdrImage::from_photo(&photo, &response)?
     };
     match input.mosaic {
-        Some(bayer) => Ok(bayer.quads(&image)?),
+        Some(bayer) => Ok(quads(bayer, &image)?),
         None => Ok(image),
     }
 }

@@ -20,7 +20,7 @@ mod video;
 pub use aravis::{Aravis, GenicamSettings};
 #[cfg(all(feature = "gphoto2", target_os = "linux"))]
 pub use gphoto2::{Gphoto2, StillSettings};
-pub use mosaic::{Mosaic, superpixels};
+pub use mosaic::superpixels;
 pub use pixels::{Colour, Packing, PixelError, PixelFormat, Pixels};
 pub use select::CameraChoice;
 pub use self_test::test_camera;

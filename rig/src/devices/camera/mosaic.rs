@@ -1,35 +1,12 @@
 //! From a sensor that sees one colour a pixel to linear red, green and blue, nothing invented.
 
-/// The colours of the upper left 2 × 2 pixels of a Bayer sensor, row by row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mosaic {
-    /// Red first.
-    Rggb,
-    /// Green first, red beside it.
-    Grbg,
-    /// Green first, blue beside it.
-    Gbrg,
-    /// Blue first.
-    Bggr,
-}
-
-impl Mosaic {
-    /// Where red, the two greens and blue are in a quad, counted row by row.
-    fn places(self) -> [usize; 4] {
-        match self {
-            Self::Rggb => [0, 1, 2, 3],
-            Self::Grbg => [1, 0, 3, 2],
-            Self::Gbrg => [2, 0, 3, 1],
-            Self::Bggr => [3, 1, 2, 0],
-        }
-    }
-}
+use raw::Bayer;
 
 /// Red, green and blue of each quad of `values`, `columns` a row: half the width and height, and no
 /// value that was not measured. Green is the mean of the quad's two, half a number rounded to the
 /// even one so that no mean drifts; where either has reached `max`, so has their mean, or a clipped
 /// green would pass for a measured one. A last odd column or row is left out.
-pub fn superpixels(order: Mosaic, columns: usize, values: &[u16], max: u16) -> Vec<u16> {
+pub fn superpixels(order: Bayer, columns: usize, values: &[u16], max: u16) -> Vec<u16> {
     let places = order.places();
     let mut out = Vec::with_capacity(values.len() / 4 * 3);
     let mut rows = values.chunks_exact(columns.max(1));
@@ -59,10 +36,10 @@ mod tests {
     #[test]
     fn each_order_finds_its_colours() {
         let colours = |order, quad: [u16; 4]| superpixels(order, 2, &quad, 4095);
-        assert_eq!(colours(Mosaic::Rggb, [10, 20, 22, 30]), [10, 21, 30]);
-        assert_eq!(colours(Mosaic::Grbg, [20, 10, 30, 22]), [10, 21, 30]);
-        assert_eq!(colours(Mosaic::Gbrg, [20, 30, 10, 22]), [10, 21, 30]);
-        assert_eq!(colours(Mosaic::Bggr, [30, 20, 22, 10]), [10, 21, 30]);
+        assert_eq!(colours(Bayer::Rggb, [10, 20, 22, 30]), [10, 21, 30]);
+        assert_eq!(colours(Bayer::Grbg, [20, 10, 30, 22]), [10, 21, 30]);
+        assert_eq!(colours(Bayer::Gbrg, [20, 30, 10, 22]), [10, 21, 30]);
+        assert_eq!(colours(Bayer::Bggr, [30, 20, 22, 10]), [10, 21, 30]);
     }
 
     #[test]
@@ -72,6 +49,6 @@ mod tests {
         assert_eq!(mean(4095, 4000, 4095), 4095);
         assert_eq!(mean(65535, 65535, 65535), 65535);
         // A 3 × 3 picture has one quad.
-        assert_eq!(superpixels(Mosaic::Rggb, 3, &[1, 2, 9, 2, 3, 9, 9, 9, 9], 255), [1, 2, 3]);
+        assert_eq!(superpixels(Bayer::Rggb, 3, &[1, 2, 9, 2, 3, 9, 9, 9, 9], 255), [1, 2, 3]);
     }
 }

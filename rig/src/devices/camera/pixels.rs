@@ -1,7 +1,9 @@
 //! From the bytes that a camera sends to digital numbers, by the names and codes of the GenICam
 //! Pixel Format Naming Convention (PFNC 2.4, tables 6-1 and 6-2; the packings: section 3 there).
 
-use super::mosaic::{Mosaic, superpixels};
+use raw::Bayer;
+
+use super::mosaic::superpixels;
 
 /// How a camera lays out the values of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +22,7 @@ pub enum Colour {
     /// Grey.
     Mono,
     /// One colour a pixel.
-    Bayer(Mosaic),
+    Bayer(Bayer),
     /// Red, green and blue a pixel.
     Rgb,
 }
@@ -58,7 +60,7 @@ pub struct Pixels {
     pub data: Vec<u16>,
 }
 
-const ORDERS: [Mosaic; 4] = [Mosaic::Grbg, Mosaic::Rggb, Mosaic::Gbrg, Mosaic::Bggr];
+const ORDERS: [Bayer; 4] = [Bayer::Grbg, Bayer::Rggb, Bayer::Gbrg, Bayer::Bggr];
 
 impl PixelFormat {
     const fn new(colour: Colour, bits: u8, packing: Packing) -> Self {
@@ -279,7 +281,7 @@ mod tests {
         let codes = [0x0108_0001, 0x0218_0014, 0x010C_0059, 0x0110_0011, 0x0108_0009];
         let formats = codes.into_iter().filter_map(PixelFormat::of_code);
         let best = formats.max_by_key(|f| f.merit()).unwrap();
-        assert_eq!(best, format(Colour::Bayer(Mosaic::Rggb), 12, Packing::Whole));
+        assert_eq!(best, format(Colour::Bayer(Bayer::Rggb), 12, Packing::Whole));
         assert_eq!(PixelFormat::of_code(0x0210_001F), None, "YUV");
     }
 }

@@ -17,7 +17,7 @@ const MOST_SAMPLES: u64 = 1 << 29;
 const MOST: usize = 256;
 
 /// Finds what no whole file has: a field beyond the end, or a picture beyond memory; in words.
-pub(super) fn damage(file: &[u8]) -> Option<String> {
+pub fn damage(file: &[u8]) -> Option<String> {
     let bytes = Bytes { file, big: file.starts_with(b"MM") };
     if !(bytes.big || file.starts_with(b"II")) || bytes.short(2) != Some(42) {
         return None;

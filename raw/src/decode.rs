@@ -10,11 +10,8 @@ use rawler::rawimage::RawPhotometricInterpretation;
 use rawler::rawsource::RawSource;
 use rawler::{RawImage, RawImageData};
 
-use super::RawPhoto;
-use super::directories::damage;
-use crate::error::{CalibrationError, Result};
-use crate::photo::Photo;
-use crate::radiometry::mosaic::Bayer;
+use crate::directories::damage;
+use crate::{Bayer, RawError, RawMosaic};
 
 thread_local! {
     /// Whether this thread is inside a decoder.
@@ -22,20 +19,19 @@ thread_local! {
 }
 
 /// What a decoder says against a file, in words.
-type Refused<T> = std::result::Result<T, String>;
+type Refused<T> = Result<T, String>;
 
-pub(super) fn photo(path: &Path, bytes: Vec<u8>) -> Result<RawPhoto> {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+pub fn mosaic(path: &Path, bytes: Vec<u8>) -> Result<RawMosaic, RawError> {
     guarded(path, bytes, |source, decoder| {
         let params = RawDecodeParams::default();
         let image = decoder.raw_image(source, &params, false).map_err(|e| e.to_string())?;
         let levels_from_active_area = matches!(decoder.format_hint(), FormatHint::DNG);
         let exposure_s = noted_exposure_s(source, decoder)?;
-        cropped(image, levels_from_active_area, exposure_s, name)
+        cropped(image, levels_from_active_area, exposure_s)
     })
 }
 
-pub(super) fn exposure_s(path: &Path, bytes: Vec<u8>) -> Result<Option<f64>> {
+pub fn exposure_s(path: &Path, bytes: Vec<u8>) -> Result<Option<f64>, RawError> {
     guarded(path, bytes, noted_exposure_s)
 }
 
@@ -53,7 +49,7 @@ fn guarded<T>(
     path: &Path,
     bytes: Vec<u8>,
     work: impl FnOnce(&RawSource, &dyn Decoder) -> Refused<T>,
-) -> Result<T> {
+) -> Result<T, RawError> {
     hush_decoders();
     let damage = damage(&bytes);
     let source = RawSource::new_from_shared_vec(Arc::new(bytes)).with_path(path);
@@ -69,9 +65,9 @@ fn guarded<T>(
         let told = told.or_else(|| panic.downcast_ref::<&str>().copied());
         Err(format!("what its decoder gives up on ({})", told.unwrap_or("no reason")))
     });
-    done.map_err(|found| CalibrationError::BadFile {
+    done.map_err(|found| RawError::BadFile {
         path: path.to_path_buf(),
-        expected: "a whole camera raw file (DNG, CR2, CR3, NEF, ARW) with a mosaic of 2 x 2 red, green and blue sites".into(),
+        expected: "a whole camera raw file (DNG, CR2, CR3, NEF, ARW) with a mosaic of 2 x 2 red, green and blue sites",
         found,
     })
 }
@@ -95,8 +91,7 @@ fn cropped(
     image: RawImage,
     levels_from_active_area: bool,
     exposure_s: Option<f64>,
-    name: String,
-) -> Refused<RawPhoto> {
+) -> Refused<RawMosaic> {
     let RawPhotometricInterpretation::Cfa(filter) = &image.photometric else {
         return Err("pixels without a colour filter, developed or grey".into());
     };
@@ -145,7 +140,6 @@ fn cropped(
         return Err(format!("black levels {black_levels:?} and white level {white_level}"));
     }
     let rows = codes.chunks_exact(full_width).skip(top).take(height);
-    let data = rows.flat_map(|line| &line[left..left + width]).copied().collect();
-    let photo = Photo { width, height, channels: 1, data, max_value: u16::MAX, name };
-    Ok(RawPhoto { photo, bayer, black_levels, white_level, exposure_s })
+    let codes = rows.flat_map(|line| &line[left..left + width]).copied().collect();
+    Ok(RawMosaic { width, height, codes, bayer, black_levels, white_level, exposure_s })
 }

@@ -1,26 +1,12 @@
 //! Camera raw files: the sensor's own codes under its colour filter, before any development.
 
-#[cfg(feature = "raw")]
-mod decode;
-#[cfg(feature = "raw")]
-mod directories;
-
 use std::path::Path;
 
-use crate::error::{CalibrationError, Result};
+use raw::Bayer;
+
+use crate::error::Result;
 use crate::photo::Photo;
-use crate::radiometry::mosaic::Bayer;
 use crate::radiometry::noise::NoiseModel;
-
-/// Raw files by extension: Adobe's and whoever writes DNG, Canon, Nikon, Sony.
-const EXTENSIONS: [&str; 5] = ["dng", "cr2", "cr3", "nef", "arw"];
-
-/// Whether a file is a camera raw file by its extension: dng, cr2, cr3, nef or arw.
-pub fn is_raw(path: impl AsRef<Path>) -> bool {
-    path.as_ref().extension().is_some_and(|extension| {
-        EXTENSIONS.contains(&extension.to_string_lossy().to_ascii_lowercase().as_str())
-    })
-}
 
 /// A camera raw file: linear codes of one colour a pixel, cropped to the pixels that see light.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,43 +69,23 @@ impl RawPhoto {
 /// Reads a camera raw file (DNG, CR2, CR3, NEF, ARW).
 ///
 /// # Errors
-/// Names the file when it is missing, truncated or corrupt; when it holds developed or
-/// floating-point pixels; when its colour filter repeats otherwise than every 2 × 2 pixels
-/// (X-Trans) or has other colours than red, green and blue; when its levels make no sense. Every
-/// file is refused where the crate was built without its feature `raw`.
+/// As [`raw::read`]. Every file is refused where the crate was built without its feature `raw`.
 pub fn read_raw(path: impl AsRef<Path>) -> Result<RawPhoto> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(CalibrationError::io(path))?;
-    decoder::photo(path, bytes)
-}
-
-/// The exposure time that a raw file notes, s.
-pub(crate) fn raw_exposure_s(path: &Path) -> Result<Option<f64>> {
-    let bytes = std::fs::read(path).map_err(CalibrationError::io(path))?;
-    decoder::exposure_s(path, bytes)
-}
-
-#[cfg(feature = "raw")]
-use decode as decoder;
-
-/// Stands in where the decoders were left out.
-#[cfg(not(feature = "raw"))]
-mod decoder {
-    use super::{CalibrationError, Path, RawPhoto, Result};
-
-    fn left_out(path: &Path) -> CalibrationError {
-        CalibrationError::BadFile {
-            path: path.to_path_buf(),
-            expected: "a developed picture: this program was built without the feature raw".into(),
-            found: "a camera raw file".into(),
-        }
-    }
-
-    pub fn photo(path: &Path, _: Vec<u8>) -> Result<RawPhoto> {
-        Err(left_out(path))
-    }
-
-    pub fn exposure_s(path: &Path, _: Vec<u8>) -> Result<Option<f64>> {
-        Err(left_out(path))
-    }
+    let raw = raw::read(path)?;
+    let photo = Photo {
+        width: raw.width,
+        height: raw.height,
+        channels: 1,
+        data: raw.codes,
+        max_value: u16::MAX,
+        name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+    };
+    Ok(RawPhoto {
+        photo,
+        bayer: raw.bayer,
+        black_levels: raw.black_levels,
+        white_level: raw.white_level,
+        exposure_s: raw.exposure_s,
+    })
 }
