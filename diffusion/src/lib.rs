@@ -5,8 +5,11 @@ mod adjoint;
 mod batch;
 mod beam;
 mod bssrdf;
+mod chebyshev;
 mod cpu;
 mod forward;
+mod gpu;
+mod hierarchy;
 mod illumination;
 mod inverse;
 mod medium;
@@ -19,6 +22,7 @@ pub use batch::Batch;
 pub use bssrdf::{BssrdfError, average, bssrdf_error};
 pub use cpu::{CpuSolver, Real};
 pub use forward::Forward;
+pub use gpu::{Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
     Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method,

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct Operator {
     cells: [usize; 3],
+    spacing_mm: [f64; 3],
     /// `link[a][i]`: conductance between cell i and the next one along axis a; 0 at the end.
     pub(crate) link: [Vec<f64>; 3],
     /// `edge[a][side]`: boundary conductance on the low and the high face of axis a, in the
@@ -66,11 +67,12 @@ impl Operator {
             })
         });
         let absorption: Vec<f64> = medium.mu_per_mm().iter().map(|mu| mu * volume).collect();
-        Self::assemble(cells, link, edge, absorption)
+        Self::assemble(cells, h, link, edge, absorption)
     }
 
     pub(crate) fn assemble(
         cells: [usize; 3],
+        spacing_mm: [f64; 3],
         link: [Vec<f64>; 3],
         edge: [[Vec<f64>; 2]; 3],
         absorption: Vec<f64>,
@@ -90,12 +92,26 @@ impl Operator {
                 }
             }
         }
-        Self { cells, link, edge, absorption, diagonal }
+        Self { cells, spacing_mm, link, edge, absorption, diagonal }
+    }
+
+    /// The operator with conductances and absorption rounded to single precision, which changes
+    /// each by 6e-8 of itself at most.
+    pub(crate) fn rounded(&self) -> Self {
+        let round = |v: &Vec<f64>| v.iter().map(|v| f64::from(*v as f32)).collect::<Vec<f64>>();
+        let link = std::array::from_fn(|a| round(&self.link[a]));
+        let edge = std::array::from_fn(|a| std::array::from_fn(|side| round(&self.edge[a][side])));
+        Self::assemble(self.cells, self.spacing_mm, link, edge, round(&self.absorption))
     }
 
     /// Cells along x, y and z.
     pub fn cells(&self) -> [usize; 3] {
         self.cells
+    }
+
+    /// Edges of a cell along x, y and z, mm.
+    pub fn spacing_mm(&self) -> [f64; 3] {
+        self.spacing_mm
     }
 
     /// Number of unknowns.
@@ -142,6 +158,17 @@ impl Operator {
             }
         }
         r
+    }
+
+    /// Largest ‖b − A x‖ / ‖b‖ over the fields that are not 0.
+    pub(crate) fn relative_residual(&self, b: &Batch, x: &Batch) -> f64 {
+        let r = self.residual(b, x);
+        let norm2 = |v: &Batch, m: usize| (0..v.cells()).map(|c| v.get(m, c).powi(2)).sum::<f64>();
+        (0..b.count())
+            .map(|m| (norm2(&r, m), norm2(b, m)))
+            .filter(|(_, b)| *b > 0.0)
+            .map(|(r, b)| (r / b).sqrt())
+            .fold(0.0, |worst: f64, r| if r.is_nan() { r } else { worst.max(r) })
     }
 
     /// r = b − A x in double, stored in `T`; returns the norms.

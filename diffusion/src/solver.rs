@@ -1,6 +1,6 @@
 //! The one trait that every backend implements.
 
-use crate::{Batch, Operator};
+use crate::{Batch, GpuError, Operator};
 
 /// Solves A x = b for all fields of a batch. Implemented by the CPU and by GPU backends.
 pub trait LinearSolver {
@@ -59,6 +59,9 @@ pub enum SolveError {
         /// Number of the field.
         field: usize,
     },
+    /// The GPU cannot, or no longer can.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
     /// The residual no longer falls.
     #[error(
         "the solve stalled at a relative residual of {reached:.2e} after {iterations} iterations, \

@@ -1,17 +1,45 @@
 //! The WGSL kernels, as text.
 //!
 //! One kernel, one file, one twin of the same name on the CPU, in `diffusion` or `renderer`: the
-//! two can be read side by side, and one test runs both on the same problem. Data lie on the
-//! GPU as they do in `diffusion::Batch` and `diffusion::Operator`: cells x fastest, then y, then
-//! z; inside a cell the lanes of the batch side by side. Bindings are numbered in the order of
-//! the twin's arguments, what is constant first.
+//! two can be read side by side, and tests run both on the same problem. What several kernels
+//! share (`level.wgsl`, `stencil.wgsl`, `dot.wgsl`, `scalars_type.wgsl`) stands in front of each of
+//! them. Fields lie on the GPU as they do in `diffusion::Batch`: cells x fastest, then y, then z;
+//! inside a cell the lanes of the batch side by side, four to a vector.
 //!
-//! This crate knows no device: whoever runs a kernel compiles it.
+//! This crate knows no device: whoever runs a kernel compiles it. Group 0 of every kernel is its
+//! level of the grid hierarchy, group 1 what it works on, in the order in which the file lists it.
+//! The name of a kernel is that of its entry point, unless its file has several.
 
-/// r = b − A x for 16 lanes of the finite-volume operator; `Operator::residual` on the CPU.
-///
-/// Entry point `residual`, dispatched over ⌈16 nx / 64⌉ × ny × nz workgroups. Bindings of group 0:
-/// 0 nx, ny, nz and one unused u32 (uniform); 1, 2, 3 the links along x, y and z; 4 the diagonal;
-/// 5 b; 6 x; 7 r (to be written). All but the first are storage buffers of f32: one value a cell,
-/// and 16 a cell from 5 on.
-pub const RESIDUAL: &str = include_str!("residual.wgsl");
+macro_rules! kernel {
+    ($($file:literal),+) => { concat!($(include_str!($file), "\n"),+) };
+}
+
+/// x += α p and r −= α A p.
+pub const ADVANCE: &str =
+    kernel!("level.wgsl", "stencil.wgsl", "dot.wgsl", "scalars_type.wgsl", "advance.wgsl");
+/// The next level's coefficients: `coarsen_x`, `coarsen_y`, `coarsen_z`, `coarsen_cells`.
+pub const COARSEN: &str = kernel!("level.wgsl", "coarsen.wgsl");
+/// The first Chebyshev step after the coarse correction.
+pub const FIRST_STEP_UP: &str = kernel!("level.wgsl", "stencil.wgsl", "first_step_up.wgsl");
+/// The dense inverse of the coarsest matrix.
+pub const INVERT_COARSEST: &str = kernel!("level.wgsl", "invert_coarsest.wgsl");
+/// The inverse of every cell's diagonal.
+pub const INVERT_DIAGONAL: &str = kernel!("level.wgsl", "invert_diagonal.wgsl");
+/// r = b − A x.
+pub const RESIDUAL: &str = kernel!("level.wgsl", "stencil.wgsl", "dot.wgsl", "residual.wgsl");
+/// The coarse right-hand side.
+pub const RESTRICT_RESIDUAL: &str = kernel!("level.wgsl", "stencil.wgsl", "restrict_residual.wgsl");
+/// What the conjugate gradients know of each lane: `measure`, `begin`, `beta`, `alpha`, `settle`.
+pub const SCALARS: &str = kernel!("level.wgsl", "scalars_type.wgsl", "scalars.wgsl");
+/// The next search direction.
+pub const SEARCH_DIRECTION: &str =
+    kernel!("level.wgsl", "stencil.wgsl", "dot.wgsl", "scalars_type.wgsl", "search_direction.wgsl");
+/// The second Chebyshev step after the coarse correction.
+pub const SECOND_STEP_UP: &str =
+    kernel!("level.wgsl", "stencil.wgsl", "dot.wgsl", "second_step_up.wgsl");
+/// Two Chebyshev steps from zero.
+pub const SMOOTH_FROM_ZERO: &str = kernel!("level.wgsl", "stencil.wgsl", "smooth_from_zero.wgsl");
+/// The coarsest level's answer.
+pub const SOLVE_DIRECTLY: &str = kernel!("level.wgsl", "dot.wgsl", "solve_directly.wgsl");
+/// b · b.
+pub const SQUARE: &str = kernel!("level.wgsl", "dot.wgsl", "square.wgsl");

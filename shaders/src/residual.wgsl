@@ -1,49 +1,34 @@
-// r = b − A x, A the seven-point finite-volume operator, for 16 right-hand sides side by side.
+// r = b − A x; the dot is r · r.
 // Twin: Operator::residual in diffusion/src/operator.rs.
-//
-// An invocation makes one value: one lane of one cell. Neighbouring invocations share a cell, so
-// that its coefficients are read once for all lanes and the fields in whole cache lines.
 
-const LANES: u32 = 16u;
+@group(1) @binding(0) var<storage, read> b: array<vec4<f32>>;
+@group(1) @binding(1) var<storage, read> x: array<vec4<f32>>;
+@group(1) @binding(2) var<storage, read_write> r: array<vec4<f32>>;
+@group(1) @binding(3) var<storage, read_write> partials: array<vec4<f32>>;
 
-@group(0) @binding(0) var<uniform> cells: vec4<u32>; // nx, ny, nz, unused
-@group(0) @binding(1) var<storage, read> link_x: array<f32>; // to the next cell along x
-@group(0) @binding(2) var<storage, read> link_y: array<f32>;
-@group(0) @binding(3) var<storage, read> link_z: array<f32>;
-@group(0) @binding(4) var<storage, read> diagonal: array<f32>;
-@group(0) @binding(5) var<storage, read> b: array<f32>;
-@group(0) @binding(6) var<storage, read> x: array<f32>;
-@group(0) @binding(7) var<storage, read_write> r: array<f32>;
+fn value(place: vec3<u32>, i: u32) -> vec4<f32> {
+    return x[i];
+}
 
 @compute @workgroup_size(64)
-fn residual(@builtin(global_invocation_id) id: vec3<u32>) {
-    let lane = id.x % LANES;
-    let place = vec3(id.x / LANES, id.y, id.z);
-    if any(place >= cells.xyz) {
-        return;
+fn residual(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    let column = vec2(id.x / level.quads, id.y);
+    var dot = vec4(0.0);
+    if all(column < level.cells.xy) {
+        let last = min((id.z + 1u) * level.planes, level.cells.z);
+        for (var z = id.z * level.planes; z < last; z++) {
+            let place = vec3(column, z);
+            let cell = cell_at(place);
+            let i = cell * level.quads + id.x % level.quads;
+            let left = b[i] - absorption[cell] * x[i] + inflow(place, i, x[i]);
+            r[i] = left;
+            dot += left * left;
+        }
     }
-    let row = cells.x;
-    let plane = cells.x * cells.y;
-    let cell = place.z * plane + place.y * row + place.x;
-
-    var sum = b[cell * LANES + lane] - diagonal[cell] * x[cell * LANES + lane];
-    if place.x > 0u {
-        sum += link_x[cell - 1u] * x[(cell - 1u) * LANES + lane];
-    }
-    if place.x + 1u < cells.x {
-        sum += link_x[cell] * x[(cell + 1u) * LANES + lane];
-    }
-    if place.y > 0u {
-        sum += link_y[cell - row] * x[(cell - row) * LANES + lane];
-    }
-    if place.y + 1u < cells.y {
-        sum += link_y[cell] * x[(cell + row) * LANES + lane];
-    }
-    if place.z > 0u {
-        sum += link_z[cell - plane] * x[(cell - plane) * LANES + lane];
-    }
-    if place.z + 1u < cells.z {
-        sum += link_z[cell] * x[(cell + plane) * LANES + lane];
-    }
-    r[cell * LANES + lane] = sum;
+    add_up(local, group, groups, dot);
 }

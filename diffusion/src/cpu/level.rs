@@ -1,17 +1,10 @@
-//! The grid hierarchy: coarser and coarser operators made from conductances alone.
+//! Operators of the coarser grids, made from conductances alone.
 
 use super::real::Real;
 use crate::Operator;
+use crate::hierarchy;
 use crate::operator::face_cells;
-
-/// Grids with at most this many cells are solved directly: its inverse has 4096 entries, so
-/// applying it costs less than one more level would.
-const DIRECT_CELLS: usize = 64;
-
-/// An axis is coarsened when its coupling is at least this share of the strongest. Below it, a
-/// point smoother does not damp errors along the axis, and coarsening it would lose them
-/// (semi-coarsening, the usual remedy for anisotropy).
-const COUPLED: f64 = 0.35;
+use std::borrow::Cow;
 
 /// One grid of the hierarchy in working precision.
 pub(crate) struct Level<T> {
@@ -31,22 +24,21 @@ pub(crate) struct Hierarchy<T> {
 
 impl<T: Real> Hierarchy<T> {
     pub fn new(fine: &Operator) -> Self {
-        let mut levels = Vec::new();
-        let mut coarse: Option<Operator> = None;
-        loop {
-            let here = coarse.as_ref().unwrap_or(fine);
-            let factor = if here.len() <= DIRECT_CELLS { [1; 3] } else { coarsening_factor(here) };
-            levels.push(Level::new(here, factor));
-            if factor == [1; 3] {
-                let coarsest_inverse = invert(here).into_iter().map(T::from_f64).collect();
-                return Self { levels, coarsest_inverse };
+        let schedule = hierarchy::levels(fine.cells(), fine.spacing_mm());
+        let mut levels = Vec::with_capacity(schedule.len());
+        let mut here = Cow::Borrowed(fine);
+        for next in &schedule[1..] {
+            let cells = here.cells();
+            let halved = |a: &usize| next[*a] != cells[*a];
+            let factor = std::array::from_fn(|a| if halved(&a) { 2 } else { 1 });
+            levels.push(Level::new(&here, factor));
+            for axis in (0..3).filter(halved) {
+                here = Cow::Owned(coarsen(&here, axis));
             }
-            let mut next = here.clone();
-            for axis in (0..3).filter(|&a| factor[a] == 2) {
-                next = coarsen(&next, axis);
-            }
-            coarse = Some(next);
         }
+        levels.push(Level::new(&here, [1; 3]));
+        let coarsest_inverse = invert(&here).into_iter().map(T::from_f64).collect();
+        Self { levels, coarsest_inverse }
     }
 }
 
@@ -65,17 +57,6 @@ impl<T: Real> Level<T> {
     pub fn len(&self) -> usize {
         self.minus_diagonal.len()
     }
-}
-
-/// Which axes to halve: those whose mean conductance is comparable with the strongest one's.
-fn coarsening_factor(operator: &Operator) -> [usize; 3] {
-    let cells = operator.cells();
-    let strength: [f64; 3] = std::array::from_fn(|a| {
-        let links = operator.len() / cells[a] * (cells[a] - 1);
-        if links == 0 { 0.0 } else { operator.link[a].iter().sum::<f64>() / links as f64 }
-    });
-    let strongest = strength.iter().copied().fold(0.0, f64::max);
-    std::array::from_fn(|a| if cells[a] > 1 && strength[a] >= COUPLED * strongest { 2 } else { 1 })
 }
 
 /// Halves one axis: pairs of cells become one; an odd last cell stays alone.
@@ -148,7 +129,9 @@ fn coarsen(fine: &Operator, axis: usize) -> Operator {
             sum_face_pairs(values, cells[inner_axis], along)
         })
     });
-    Operator::assemble(coarse_cells, link, edge, pair_sum(&fine.absorption))
+    let mut spacing_mm = fine.spacing_mm();
+    spacing_mm[axis] *= 2.0;
+    Operator::assemble(coarse_cells, spacing_mm, link, edge, pair_sum(&fine.absorption))
 }
 
 /// Sums neighbouring pairs of a face array of rows of `inner` values, along the rows (0) or
@@ -166,7 +149,7 @@ fn sum_face_pairs(values: &[f64], inner: usize, along: usize) -> Vec<f64> {
     }
 }
 
-/// Dense inverse of the coarsest matrix, at most [`DIRECT_CELLS`] rows, row-major.
+/// Dense inverse of the coarsest matrix, at most [`hierarchy::DIRECT_CELLS`] rows, row-major.
 fn invert(operator: &Operator) -> Vec<f64> {
     let n = operator.len();
     let [nx, ny, _] = operator.cells();

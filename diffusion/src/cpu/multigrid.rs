@@ -8,40 +8,31 @@
 use super::level::{Hierarchy, Level};
 use super::real::{Lanes, Real, lane_mul_add, scale, scale_add, splat, sum};
 use super::sweep::{Around, Row, RowKernel, neighbour_sum, rows};
+use crate::chebyshev::{Chebyshev, WEIGHTS};
 
-/// Eigenvalues of D⁻¹A above this share of the largest are left to the smoother. Measured on
-/// 64×64×20 and 130×53×37 with contrast 75: 7 to 8 iterations to 1e-6 with 0.25.
-const SMOOTHED: f64 = 0.25;
-
-/// Weights of two Chebyshev steps on the interval [2 · SMOOTHED, 2]: the first step is
-/// x₁ = x₀ + D⁻¹r₀/θ, the second x₂ = x₁ + momentum (x₁ − x₀) + step D⁻¹r₁.
-struct Chebyshev<T> {
+/// The smoother's weights, in the forms in which the fused passes take them.
+struct Weights<T> {
     first: T,
     minus_momentum: T,
     step: T,
-    /// From x₀ = 0 both steps together are D⁻¹(own · b + others · Σ t D⁻¹b).
     own: T,
     others: T,
-    /// 1 − 1/θ.
+    /// 1 − first.
     keep: T,
     /// 1 + momentum − step.
     half_way: T,
 }
 
-impl<T: Real> Chebyshev<T> {
+impl<T: Real> Weights<T> {
     fn new() -> Self {
-        let (low, high) = (2.0 * SMOOTHED, 2.0);
-        let (centre, radius) = ((high + low) / 2.0, (high - low) / 2.0);
-        let sigma = centre / radius;
-        let rho = 1.0 / (2.0 * sigma - 1.0 / sigma);
-        let (momentum, step) = (rho / sigma, 2.0 * rho / radius);
+        let Chebyshev { first, momentum, step, own, others } = WEIGHTS;
         Self {
-            first: T::from_f64(1.0 / centre),
+            first: T::from_f64(first),
             minus_momentum: T::from_f64(-momentum),
             step: T::from_f64(step),
-            own: T::from_f64((1.0 + momentum) / centre + step * (1.0 - 1.0 / centre)),
-            others: T::from_f64(step / centre),
-            keep: T::from_f64(1.0 - 1.0 / centre),
+            own: T::from_f64(own),
+            others: T::from_f64(others),
+            keep: T::from_f64(1.0 - first),
             half_way: T::from_f64(1.0 + momentum - step),
         }
     }
@@ -60,7 +51,7 @@ struct Space<T, const L: usize> {
 /// The cycle with its work space.
 pub(crate) struct VCycle<T, const L: usize> {
     spaces: Vec<Space<T, L>>,
-    weights: Chebyshev<T>,
+    weights: Weights<T>,
 }
 
 impl<T: Real, const L: usize> VCycle<T, L> {
@@ -76,7 +67,7 @@ impl<T: Real, const L: usize> VCycle<T, L> {
                 Space { b: field(k > 0), x: field(true), y: field(smoothed) }
             })
             .collect();
-        Self { spaces, weights: Chebyshev::new() }
+        Self { spaces, weights: Weights::new() }
     }
 
     /// Whether the work space fits the levels of a hierarchy.
@@ -106,7 +97,7 @@ fn cycle<T: Real, const L: usize>(
     levels: &[Level<T>],
     coarsest_inverse: &[T],
     spaces: &mut [Space<T, L>],
-    weights: &Chebyshev<T>,
+    weights: &Weights<T>,
     outer_b: Option<&[Lanes<T, L>]>,
 ) -> [f64; L] {
     let (here, below) = match spaces.split_first_mut() {
@@ -151,7 +142,7 @@ fn solve_directly<T: Real, const L: usize>(
 /// x = two Chebyshev steps from zero.
 struct SmoothFromZero<'a, T, const L: usize> {
     level: &'a Level<T>,
-    weights: &'a Chebyshev<T>,
+    weights: &'a Weights<T>,
     b: &'a [Lanes<T, L>],
 }
 
@@ -237,7 +228,7 @@ impl<'a, T: Real, const L: usize> Correction<'a, T, L> {
 /// out = v + D⁻¹(b − A v)/θ with v = x + correction.
 struct FirstStepUp<'a, T, const L: usize> {
     level: &'a Level<T>,
-    weights: &'a Chebyshev<T>,
+    weights: &'a Weights<T>,
     b: &'a [Lanes<T, L>],
     x: &'a [Lanes<T, L>],
     correction: Correction<'a, T, L>,
@@ -264,7 +255,7 @@ impl<T: Real, const L: usize> RowKernel<T, L> for FirstStepUp<'_, T, L> {
 /// v = x + correction; the dot is out · b.
 struct SecondStepUp<'a, T, const L: usize> {
     level: &'a Level<T>,
-    weights: &'a Chebyshev<T>,
+    weights: &'a Weights<T>,
     b: &'a [Lanes<T, L>],
     half_way: &'a [Lanes<T, L>],
     correction: Correction<'a, T, L>,
