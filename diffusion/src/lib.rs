@@ -22,7 +22,7 @@ pub use forward::Forward;
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
     Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method,
-    Observer, Progress, Stage, invert,
+    Observer, Progress, Stage, Work, invert,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;
