@@ -24,6 +24,11 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         Ok(Self { medium, surface: SurfaceModel::new(optics), solver })
     }
 
+    /// The forward problem of a medium that `solver` is prepared for already.
+    pub(crate) fn prepared(medium: Medium, optics: &Optics, solver: &'a mut S) -> Self {
+        Self { medium, surface: SurfaceModel::new(optics), solver }
+    }
+
     /// The medium.
     pub fn medium(&self) -> &Medium {
         &self.medium

@@ -118,7 +118,7 @@ fn the_default_method_finds_a_veined_block() {
     let start = vec![found.homogeneous.0; found.kappa_mm.len()];
     assert!(log_error(&start, block(&grids()[0]).kappa_mm()) > 2.0 * kappa);
     assert_eq!(found.gain, 1.0);
-    assert_eq!(found.history.len(), found.gradient_evaluations);
+    assert_eq!(found.history.len(), found.work.gradient_evaluations);
 }
 
 /// W08 stops at ε = 1e-4, which is the noise of these images: it is reached. Its material is
@@ -131,7 +131,7 @@ fn the_papers_method_reaches_its_own_stop() {
     let [e, kappa, _] = errors(&found);
     eprintln!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}", found.fit);
     assert!(found.fit <= 1e-4, "{}", found.fit);
-    assert!(found.gradient_evaluations < settings.max_evaluations);
+    assert!(found.work.gradient_evaluations < settings.max_evaluations);
     assert!(e < 6e-3, "{e:.2e}");
     assert!(kappa < 0.32, "{kappa}");
 }
@@ -172,7 +172,7 @@ fn the_observer_can_stop_and_the_budget_holds() {
             assert!(seen > 0);
         }
         let found = invert(&grid, &optics, &data, &settings, &mut solver, &mut |_| true).unwrap();
-        assert!(found.gradient_evaluations <= 5, "{}", found.gradient_evaluations);
+        assert!(found.work.gradient_evaluations <= 5, "{}", found.work.gradient_evaluations);
     }
 }
 

@@ -161,9 +161,9 @@ pub(crate) fn solve(
             };
             let message = format!(
                 "{stage}: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} gradients, {} solves",
-                p.fit, p.chi2, p.lambda, p.gradient_evaluations, p.linear_solves
+                p.fit, p.chi2, p.lambda, p.work.gradient_evaluations, p.work.linear_solves
             );
-            progress.set(p.gradient_evaluations, &message);
+            progress.set(p.work.gradient_evaluations, &message);
             !STOP.load(Ordering::Relaxed)
         };
         let found = invert(&grid, &optics, &measurement, &settings, &mut solver, &mut observe)
@@ -225,8 +225,8 @@ fn convergence(name: &str, found: &Inverse) -> ChannelConvergence {
         chi2: found.chi2,
         lambda: found.lambda,
         gain: found.gain,
-        gradient_evaluations: found.gradient_evaluations,
-        linear_solves: found.linear_solves,
+        gradient_evaluations: found.work.gradient_evaluations,
+        linear_solves: found.work.linear_solves,
         homogeneous_kappa_mm: found.homogeneous.0,
         homogeneous_mu_per_mm: found.homogeneous.1,
         history: found.history.clone(),

@@ -1,72 +1,52 @@
-//! How far the images of a medium are from the measured ones, and the gradient of that.
+//! How far the images of a medium are from the measured ones, and the gradient of that, by any
+//! linear solver.
 
-use super::measurement::Measurement;
-use crate::{Batch, Forward, LinearSolver, Medium, SolveError};
-use material::{Face, Grid, Optics};
+use super::objective::{Device, Misfit, Objective, Problem, RANGE};
+use super::smoothness::squared_gradient;
+use super::{InverseError, Work};
+use crate::{Batch, Forward, Gradient, LinearSolver, Medium, SolveError};
+use material::{Face, Grid};
 
 /// Evaluates the data term of one channel; keeps the last fluence and adjoint fluence as
 /// starting values and counts what it does.
 pub(crate) struct DataTerm<'a, S> {
-    pub grid: Grid,
-    pub measurement: &'a Measurement,
-    optics: Optics,
+    problem: &'a Problem,
     solver: &'a mut S,
-    free_gain: bool,
-    tolerance: f64,
     fluence: Batch,
     adjoint: Batch,
-    pub linear_solves: usize,
-    pub gradient_evaluations: usize,
+    last: Option<Last>,
+    pub work: Work,
 }
 
-/// The data term at one point.
-#[derive(Clone, Debug)]
-pub(crate) struct Misfit {
-    /// Σ w (γ L − L_meas)².
-    pub weighted: f64,
-    /// Σ (γ L − L_meas)² / Σ L_meas² over pixels that are not masked (design: fit f).
-    pub fit: f64,
-    /// γ: 1, or the gain that minimises the data term.
-    pub gain: f64,
-    /// ∂(weighted)/∂κ and ∂(weighted)/∂μ; empty when no gradient was asked for.
-    pub by_kappa: Vec<f64>,
-    pub by_mu: Vec<f64>,
+/// The point that was solved for last.
+struct Last {
+    medium: Medium,
+    images: Vec<Vec<f64>>,
+    gain: f64,
 }
 
 impl<'a, S: LinearSolver> DataTerm<'a, S> {
-    pub fn new(
-        grid: Grid,
-        optics: Optics,
-        measurement: &'a Measurement,
-        free_gain: bool,
-        tolerance: f64,
-        solver: &'a mut S,
-    ) -> Self {
-        let field = || Batch::zeros(grid.len(), measurement.light().count());
+    pub fn new(problem: &'a Problem, solver: &'a mut S) -> Self {
+        let field = || Batch::zeros(problem.grid.len(), problem.measurement.light().count());
         let (fluence, adjoint) = (field(), field());
-        Self {
-            grid,
-            measurement,
-            optics,
-            solver,
-            free_gain,
-            tolerance,
-            fluence,
-            adjoint,
-            linear_solves: 0,
-            gradient_evaluations: 0,
-        }
+        Self { problem, solver, fluence, adjoint, last: None, work: Work::default() }
     }
 
-    pub fn evaluate(&mut self, medium: Medium, gradient: bool) -> Result<Misfit, SolveError> {
-        let light = self.measurement.light();
-        let mut forward = Forward::new(medium, &self.optics, &mut *self.solver)?;
-        forward.solve(light, &mut self.fluence, self.tolerance)?;
-        self.linear_solves += light.count();
+    pub fn grid(&self) -> &'a Grid {
+        &self.problem.grid
+    }
+
+    /// The images of a medium against the measured ones.
+    pub fn forward(&mut self, medium: Medium, tolerance: f64) -> Result<Misfit, SolveError> {
+        let Problem { optics, measurement, free_gain, .. } = self.problem;
+        let light = measurement.light();
+        let mut forward = Forward::new(medium.clone(), optics, &mut *self.solver)?;
+        let report = forward.solve(light, &mut self.fluence, tolerance)?;
+        self.work.add_solve(light.count(), &report);
         let images = forward.exit_radiance(light, &self.fluence, Face::Front);
 
-        let weights = self.measurement.weight();
-        let measured = self.measurement.radiance();
+        let weights = measurement.weight();
+        let measured = measurement.radiance();
         let pixels = || {
             images.iter().zip(measured).zip(weights).flat_map(|((image, meas), w)| {
                 image
@@ -77,7 +57,7 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
                     .map(|((l, m), w)| (*l, *m, *w))
             })
         };
-        let gain = if self.free_gain {
+        let gain = if *free_gain {
             let (cross, own) =
                 pixels().fold((0.0, 0.0), |(c, o), (l, m, w)| (c + w * l * m, o + w * l * l));
             if own > 0.0 { cross / own } else { 1.0 }
@@ -88,32 +68,119 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
             let r = gain * l - m;
             (a + w * r * r, b + r * r)
         });
-        let fit = plain / self.measurement.energy();
-        let mut out = Misfit { weighted, fit, gain, by_kappa: Vec::new(), by_mu: Vec::new() };
-        if gradient {
-            // With the best gain, ∂/∂γ of the data term is 0: the chain through γ drops out.
-            let slope: Vec<Vec<f64>> = images
-                .iter()
-                .zip(measured)
-                .zip(weights)
-                .map(|((image, meas), w)| {
-                    let pixel = |((l, m), w): ((&f64, &f64), &f64)| {
-                        if *w > 0.0 { 2.0 * w * gain * (gain * l - m) } else { 0.0 }
-                    };
-                    image.iter().zip(meas).zip(w).map(pixel).collect()
-                })
-                .collect();
-            let (g, _) = forward.gradient(
-                light,
-                &self.fluence,
-                &slope,
-                &mut self.adjoint,
-                self.tolerance,
-            )?;
-            self.linear_solves += light.count();
-            self.gradient_evaluations += 1;
-            (out.by_kappa, out.by_mu) = (g.by_kappa, g.by_mu);
+        self.last = Some(Last { medium, images, gain });
+        Ok(Misfit { weighted, fit: plain / measurement.energy(), gain })
+    }
+
+    /// ∂(weighted)/∂κ and ∂(weighted)/∂μ at the medium of the last [`forward`](Self::forward).
+    pub fn gradient(&mut self, tolerance: f64) -> Result<Gradient, SolveError> {
+        let Problem { optics, measurement, .. } = self.problem;
+        let light = measurement.light();
+        let Last { medium, images, gain } = self.last.as_ref().ok_or(SolveError::NotPrepared)?;
+        // With the best gain, ∂/∂γ of the data term is 0: the chain through γ drops out.
+        let slope: Vec<Vec<f64>> = images
+            .iter()
+            .zip(measurement.radiance())
+            .zip(measurement.weight())
+            .map(|((image, meas), w)| {
+                let pixel = |((l, m), w): ((&f64, &f64), &f64)| {
+                    if *w > 0.0 { 2.0 * w * gain * (gain * l - m) } else { 0.0 }
+                };
+                image.iter().zip(meas).zip(w).map(pixel).collect()
+            })
+            .collect();
+        let mut forward = Forward::prepared(medium.clone(), optics, &mut *self.solver);
+        let (gradient, report) =
+            forward.gradient(light, &self.fluence, &slope, &mut self.adjoint, tolerance)?;
+        self.work.add_solve(light.count(), &report);
+        self.work.gradient_evaluations += 1;
+        Ok(gradient)
+    }
+}
+
+/// The data term as a function of the logarithms, and the smoothness beside it.
+pub(crate) struct LogObjective<'a, S> {
+    data: DataTerm<'a, S>,
+    centre: Option<[f64; 2]>,
+    /// κ and μ of the last point, and 0 where it lies outside the range.
+    last: Vec<f64>,
+    energy: f64,
+}
+
+impl<S: LinearSolver> Objective for LogObjective<'_, S> {
+    type Vector = Vec<f64>;
+
+    fn vector(&self, host: Vec<f64>) -> Vec<f64> {
+        host
+    }
+
+    fn host(&self, u: &Vec<f64>) -> Vec<f64> {
+        u.clone()
+    }
+
+    fn centre(&mut self, centre: [f64; 2]) {
+        self.centre = Some(centre);
+    }
+
+    fn forward(&mut self, u: &Vec<f64>, tolerance: f64) -> Result<Misfit, InverseError> {
+        let n = u.len() / 2;
+        let limits = |i: usize| {
+            self.centre.map_or([f64::MIN, f64::MAX], |c| [c[i / n] - RANGE, c[i / n] + RANGE])
+        };
+        let values: Vec<f64> = (0..2 * n)
+            .map(|i| {
+                let [low, high] = limits(i);
+                u[i].clamp(low, high).exp()
+            })
+            .collect();
+        let medium = Medium::new(*self.data.grid(), values[..n].to_vec(), values[n..].to_vec())
+            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
+        self.last = values;
+        for i in 0..2 * n {
+            let [low, high] = limits(i);
+            if u[i] < low || u[i] > high {
+                self.last[i] = 0.0;
+            }
         }
-        Ok(out)
+        Ok(self.data.forward(medium, tolerance)?)
+    }
+
+    fn gradient(&mut self, tolerance: f64) -> Result<Vec<f64>, InverseError> {
+        let Gradient { by_kappa, by_mu } = self.data.gradient(tolerance)?;
+        let by_value = by_kappa.iter().chain(&by_mu);
+        Ok(by_value.zip(&self.last).map(|(g, v)| g * v / self.energy).collect())
+    }
+
+    fn smoothness(&mut self, u: &Vec<f64>) -> (f64, Vec<f64>) {
+        let n = u.len() / 2;
+        let mut gradient = vec![0.0; 2 * n];
+        let mut value = 0.0;
+        for (u, g) in u.chunks_exact(n).zip(gradient.chunks_exact_mut(n)) {
+            value += squared_gradient(self.data.grid(), u, 1.0, g);
+        }
+        (value, gradient)
+    }
+
+    fn work(&self) -> Work {
+        self.data.work
+    }
+}
+
+/// Any linear solver evaluates the objective, with the rest on the CPU.
+pub(crate) struct WithSolver<'s, S>(pub &'s mut S);
+
+impl<S: LinearSolver> Device for WithSolver<'_, S> {
+    type Objective<'a>
+        = LogObjective<'a, S>
+    where
+        Self: 'a;
+
+    fn objective<'a>(
+        &'a mut self,
+        problem: &'a Problem,
+    ) -> Result<LogObjective<'a, S>, InverseError> {
+        let energy = problem.measurement.weighted_energy();
+        let data = DataTerm::new(problem, &mut *self.0);
+        Ok(LogObjective { data, centre: None, last: Vec::new(), energy })
     }
 }

@@ -1,8 +1,8 @@
 //! The homogeneous start: one κ and one μ for the whole block (W08 section 4.2).
 
-use super::data_term::DataTerm;
-use super::{InverseError, Observer, Progress, Stage};
-use crate::{LinearSolver, Medium};
+use super::InverseError;
+use super::objective::Misfit;
+use material::Grid;
 
 /// κ and μ that fit the images best as two numbers.
 #[derive(Clone, Copy, Debug)]
@@ -22,29 +22,19 @@ const LEAST_ABSORPTION: f64 = 1e-3;
 
 /// Descends in log κ and log μ by a compass search: two unknowns, a smooth misfit, and one
 /// forward solve a try, warm-started from the last. What is minimised is the plain fit: dark
-/// pixels say little about two numbers, and the discretisation shows most there. A block about ten mean free paths thick
-/// with an albedo near one is where it begins.
-pub(crate) fn fit<S: LinearSolver>(
-    data: &mut DataTerm<'_, S>,
-    observer: Observer<'_>,
+/// pixels say little about two numbers, and the discretisation shows most there. A block about ten
+/// mean free paths thick with an albedo near one is where it begins.
+///
+/// `misfit` is the forward problem of one κ and one μ.
+pub(crate) fn fit(
+    grid: &Grid,
+    mut misfit: impl FnMut(f64, f64) -> Result<Misfit, InverseError>,
 ) -> Result<Start, InverseError> {
-    let thickness = data.grid.size_mm()[2];
+    let thickness = grid.size_mm()[2];
     let mut u = [(thickness / 30.0).ln(), (0.03 / thickness).ln()];
-    let count = data.measurement.data().max(1) as f64;
-    let mut value = |u: [f64; 2]| -> Result<f64, InverseError> {
-        let (grid, [kappa, mu]) = (data.grid, coefficients(u));
-        let medium = Medium::homogeneous(grid, kappa, mu)
-            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
-        let misfit = data.evaluate(medium, false)?;
-        let progress = Progress {
-            stage: Stage::Homogeneous,
-            gradient_evaluations: data.gradient_evaluations,
-            linear_solves: data.linear_solves,
-            fit: misfit.fit,
-            chi2: misfit.weighted / count,
-            lambda: 0.0,
-        };
-        if observer(&progress) { Ok(misfit.fit) } else { Err(InverseError::Interrupted) }
+    let mut value = |u: [f64; 2]| {
+        let [kappa, mu] = coefficients(u);
+        misfit(kappa, mu).map(|m| m.fit)
     };
     let mut best = value(u)?;
     for step in STEPS {

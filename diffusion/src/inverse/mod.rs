@@ -4,14 +4,19 @@ mod data_term;
 mod homogeneous;
 mod lbfgs;
 mod measurement;
+mod objective;
 mod paper;
 mod smoothness;
+mod volume;
+mod work;
 
 pub use measurement::{Measurement, MeasurementError};
+pub use work::Work;
 
 use crate::{LinearSolver, SolveError};
-use data_term::DataTerm;
+use data_term::WithSolver;
 use material::{Grid, Optics};
+use objective::Problem;
 
 /// How the coefficients are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,10 +77,8 @@ impl Default for InverseSettings {
 pub struct Progress {
     /// What is being done.
     pub stage: Stage,
-    /// Gradient evaluations so far.
-    pub gradient_evaluations: usize,
-    /// Fields solved for so far.
-    pub linear_solves: usize,
+    /// What has been done so far.
+    pub work: Work,
     /// Fit f (design section 9).
     pub fit: f64,
     /// Mean squared residual in units of the noise, χ²/N.
@@ -110,11 +113,9 @@ pub struct Inverse {
     pub chi2: f64,
     /// λ used, relative to the (weighted) energy of the images.
     pub lambda: f64,
-    /// Gradient evaluations.
-    pub gradient_evaluations: usize,
-    /// Fields solved for, forward and adjoint.
-    pub linear_solves: usize,
-    /// Fit after each gradient evaluation.
+    /// What it took, the homogeneous start included.
+    pub work: Work,
+    /// Fit at every point that a gradient was evaluated at.
     pub history: Vec<f64>,
 }
 
@@ -154,11 +155,10 @@ pub fn invert<S: LinearSolver>(
         Method::Lbfgs => measurement.with_model_error(settings.model_error),
         Method::Paper => measurement.unweighted(),
     };
-    let mut data =
-        DataTerm::new(*grid, *optics, &measurement, settings.free_gain, settings.tolerance, solver);
-    let start = homogeneous::fit(&mut data, observer)?;
+    let (grid, optics, free_gain) = (*grid, *optics, settings.free_gain);
+    let problem = Problem { grid, optics, measurement, free_gain };
     match settings.method {
-        Method::Lbfgs => lbfgs::run(data, settings, start, observer),
-        Method::Paper => paper::run(data, settings, start, observer),
+        Method::Lbfgs => volume::run(&mut WithSolver(solver), &problem, settings, observer),
+        Method::Paper => paper::run(&problem, settings, solver, observer),
     }
 }

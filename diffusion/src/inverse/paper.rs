@@ -6,7 +6,8 @@
 //! relative, λ ‖∇κ‖² / κ₀² against Σ L_meas², with κ₀ the homogeneous start.
 
 use super::data_term::DataTerm;
-use super::homogeneous::Start;
+use super::homogeneous::{self, Start};
+use super::objective;
 use super::smoothness::squared_gradient;
 use super::{Inverse, InverseError, InverseSettings, Lambda, Observer, Progress, Stage};
 use crate::{LinearSolver, Medium};
@@ -28,20 +29,34 @@ const GOLDEN: f64 = 0.618_033_988_749_894_8;
 const FLOOR: f64 = 1e-3;
 
 pub(super) fn run<S: LinearSolver>(
-    data: DataTerm<'_, S>,
+    problem: &objective::Problem,
     settings: &InverseSettings,
-    start: Start,
+    solver: &mut S,
     observer: Observer<'_>,
 ) -> Result<Inverse, InverseError> {
-    let n = data.grid.len();
+    let n = problem.grid.len();
+    let count = problem.measurement.data().max(1) as f64;
+    let energy = problem.measurement.energy();
+    let mut data = DataTerm::new(problem, solver);
+    let start = homogeneous::fit(&problem.grid, |kappa, mu| {
+        let medium = Medium::homogeneous(problem.grid, kappa, mu)
+            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
+        let misfit = data.forward(medium, settings.tolerance)?;
+        let progress = Progress {
+            stage: Stage::Homogeneous,
+            work: data.work,
+            fit: misfit.fit,
+            chi2: misfit.weighted / count,
+            lambda: 0.0,
+        };
+        if observer(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
+    })?;
     let lambda = match settings.lambda {
         Lambda::Fixed(lambda) => lambda,
         Lambda::Discrepancy => 1e-5,
     };
     let mut x = vec![start.kappa_mm; 2 * n];
     x[n..].fill(start.mu_per_mm);
-    let count = data.measurement.data().max(1) as f64;
-    let energy = data.measurement.energy();
     let state = RefCell::new(Descent {
         data,
         start,
@@ -49,6 +64,7 @@ pub(super) fn run<S: LinearSolver>(
         count,
         lambda,
         budget: settings.max_evaluations,
+        tolerance: settings.tolerance,
         best: None,
         history: Vec::new(),
         observer,
@@ -80,8 +96,7 @@ pub(super) fn run<S: LinearSolver>(
         fit: best.fit,
         chi2: best.chi2,
         lambda,
-        gradient_evaluations: state.data.gradient_evaluations,
-        linear_solves: state.data.linear_solves,
+        work: state.data.work,
         history: state.history,
     })
 }
@@ -101,6 +116,7 @@ struct Descent<'a, 'o, S> {
     count: f64,
     lambda: f64,
     budget: usize,
+    tolerance: f64,
     best: Option<Best>,
     history: Vec<f64>,
     observer: Observer<'o>,
@@ -120,7 +136,7 @@ fn positive(x: &[f64], start: Start) -> Vec<f64> {
 impl<S: LinearSolver> Descent<'_, '_, S> {
     fn evaluate(&mut self, x: &[f64], gradient: bool) -> Result<(f64, Vec<f64>), Error> {
         let reached = self.best.as_ref().is_some_and(|b| b.fit <= EPSILON);
-        if reached || self.data.gradient_evaluations >= self.budget {
+        if reached || self.data.work.gradient_evaluations >= self.budget {
             return Err(Finished.into());
         }
         self.compute(x, gradient).map_err(|error| {
@@ -133,14 +149,18 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
     fn compute(&mut self, x: &[f64], gradient: bool) -> Result<(f64, Vec<f64>), InverseError> {
         let n = x.len() / 2;
         let values = positive(x, self.start);
-        let medium = Medium::new(self.data.grid, values[..n].to_vec(), values[n..].to_vec())
+        let medium = Medium::new(*self.data.grid(), values[..n].to_vec(), values[n..].to_vec())
             .map_err(|e| InverseError::Optimiser(e.to_string()))?;
-        let misfit = self.data.evaluate(medium, gradient)?;
-        let mut slope: Vec<f64> =
-            misfit.by_kappa.iter().chain(&misfit.by_mu).map(|g| g / self.energy).collect();
-        slope.resize(2 * n, 0.0);
+        let misfit = self.data.forward(medium, self.tolerance)?;
+        let mut slope = vec![0.0; 2 * n];
+        if gradient {
+            let by = self.data.gradient(self.tolerance)?;
+            for (slope, g) in slope.iter_mut().zip(by.by_kappa.iter().chain(&by.by_mu)) {
+                *slope = g / self.energy;
+            }
+        }
         let scale = self.lambda / self.start.kappa_mm.powi(2);
-        let roughness = squared_gradient(&self.data.grid, &values[..n], scale, &mut slope[..n]);
+        let roughness = squared_gradient(self.data.grid(), &values[..n], scale, &mut slope[..n]);
         for i in 0..2 * n {
             if values[i] != x[i] {
                 slope[i] = 0.0;
@@ -157,8 +177,7 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
         }
         let progress = Progress {
             stage: Stage::Volume,
-            gradient_evaluations: self.data.gradient_evaluations,
-            linear_solves: self.data.linear_solves,
+            work: self.data.work,
             fit: misfit.fit,
             chi2,
             lambda: self.lambda,
