@@ -26,7 +26,7 @@ pub use gpu::{Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
     Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method,
-    Observer, Progress, Stage, Work, invert,
+    Observer, Progress, Stage, Work, invert, invert_on_gpu,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

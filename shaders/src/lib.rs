@@ -43,3 +43,34 @@ pub const SMOOTH_FROM_ZERO: &str = kernel!("level.wgsl", "stencil.wgsl", "smooth
 pub const SOLVE_DIRECTLY: &str = kernel!("level.wgsl", "dot.wgsl", "solve_directly.wgsl");
 /// b · b.
 pub const SQUARE: &str = kernel!("level.wgsl", "dot.wgsl", "square.wgsl");
+
+/// Adds up the sums that workgroups left: `add_of_radiance`, `add_of_misfit`, `add_of_smoothness`.
+pub const ADD_SUMS: &str = kernel!("level.wgsl", "add_sums.wgsl");
+/// y += factor · x.
+pub const ADD_SCALED: &str = kernel!("add_scaled.wgsl");
+/// What the first-scatter source adds to the gradient.
+pub const BEAM_GRADIENT: &str = kernel!("level.wgsl", "block.wgsl", "beam_gradient.wgsl");
+/// The gradient by logarithms.
+pub const BY_LOGS: &str = kernel!("level.wgsl", "block.wgsl", "by_logs.wgsl");
+/// κ, μ and absorption from logarithms.
+pub const COEFFICIENTS: &str = kernel!("level.wgsl", "block.wgsl", "coefficients.wgsl");
+/// Conductances from κ.
+pub const CONDUCT: &str = kernel!("level.wgsl", "block.wgsl", "conduct.wgsl");
+/// The radiance of the front face: `exit_radiance`.
+pub const EXIT_RADIANCE: &str = kernel!("level.wgsl", "block.wgsl", "exit_radiance.wgsl");
+/// The first-scatter source.
+pub const FIRST_SCATTER: &str = kernel!("level.wgsl", "block.wgsl", "first_scatter.wgsl");
+/// high += low.
+pub const FOLD: &str = kernel!("level.wgsl", "fold.wgsl");
+/// The gradient by κ and μ.
+pub const GRADIENT: &str = kernel!("level.wgsl", "block.wgsl", "gradient.wgsl");
+/// The right-hand side.
+pub const ILLUMINATE: &str = kernel!("level.wgsl", "block.wgsl", "illuminate.wgsl");
+/// `dot_product` and `largest`.
+pub const INNER: &str = kernel!("inner.wgsl");
+/// The misfit and the adjoint problem's right-hand side.
+pub const MISFIT: &str = kernel!("level.wgsl", "block.wgsl", "misfit.wgsl");
+/// y *= factor.
+pub const SCALE: &str = kernel!("scale.wgsl");
+/// The smoothness and its gradient.
+pub const SQUARED_GRADIENT: &str = kernel!("level.wgsl", "block.wgsl", "squared_gradient.wgsl");

@@ -5,8 +5,8 @@ use super::kernels::{Kernel, Pipelines};
 use std::sync::{Arc, Mutex};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-/// Storage buffers that a kernel sees at most: a level's four and six of its own.
-const STORAGE_BUFFERS: u32 = 10;
+/// Storage buffers that a kernel sees at most: a level's four and eight of its own.
+const STORAGE_BUFFERS: u32 = 12;
 
 /// An open GPU with its compiled kernels. Cheap to clone.
 #[derive(Clone)]

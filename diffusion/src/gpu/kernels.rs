@@ -28,13 +28,31 @@ pub(crate) enum Kernel {
     CoarsenCells,
     InvertDiagonal,
     InvertCoarsest,
+    Fold,
+    Coefficients,
+    Conduct,
+    FirstScatter,
+    Illuminate,
+    ExitRadiance,
+    Misfit,
+    AddOfRadiance,
+    AddOfMisfit,
+    AddOfSmoothness,
+    Gradient,
+    BeamGradient,
+    ByLogs,
+    SquaredGradient,
+    AddScaled,
+    Scale,
+    DotProduct,
+    Largest,
 }
 
 /// What a kernel is compiled from: its text and entry point, how it sees its fields (r reads, w
 /// writes as well), and its constants.
 type Recipe = (Kernel, &'static str, &'static str, &'static str, &'static [(&'static str, f64)]);
 
-const RECIPES: [Recipe; 21] = {
+const RECIPES: [Recipe; 39] = {
     use Kernel::*;
     use shaders::*;
     const SMOOTH: &[(&str, f64)] = &[("own", WEIGHTS.own), ("others", WEIGHTS.others)];
@@ -64,6 +82,24 @@ const RECIPES: [Recipe; 21] = {
         (CoarsenCells, COARSEN, "coarsen_cells", "wwww", &[]),
         (InvertDiagonal, INVERT_DIAGONAL, "invert_diagonal", "w", &[]),
         (InvertCoarsest, INVERT_COARSEST, "invert_coarsest", "w", &[]),
+        (Fold, FOLD, "fold", "rw", &[]),
+        (Coefficients, COEFFICIENTS, "coefficients", "rrwww", &[]),
+        (Conduct, CONDUCT, "conduct", "rrwww", &[]),
+        (FirstScatter, FIRST_SCATTER, "first_scatter", "rrrw", &[]),
+        (Illuminate, ILLUMINATE, "illuminate", "rrrw", &[]),
+        (ExitRadiance, EXIT_RADIANCE, "exit_radiance", "rrrrrww", &[]),
+        (Misfit, MISFIT, "misfit", "rrrrrwww", &[]),
+        (AddOfRadiance, ADD_SUMS, "add_of_radiance", "rw", &[]),
+        (AddOfMisfit, ADD_SUMS, "add_of_misfit", "rw", &[]),
+        (AddOfSmoothness, ADD_SUMS, "add_of_smoothness", "rw", &[]),
+        (Gradient, GRADIENT, "gradient", "rrrrrrw", &[]),
+        (BeamGradient, BEAM_GRADIENT, "beam_gradient", "rrrrrw", &[]),
+        (ByLogs, BY_LOGS, "by_logs", "rrrrrw", &[]),
+        (SquaredGradient, SQUARED_GRADIENT, "squared_gradient", "rrww", &[]),
+        (AddScaled, ADD_SCALED, "add_scaled", "rrw", &[]),
+        (Scale, SCALE, "scale", "rw", &[]),
+        (DotProduct, INNER, "dot_product", "rrw", &[]),
+        (Largest, INNER, "largest", "rrw", &[]),
     ]
 };
 

@@ -22,6 +22,8 @@ pub(crate) struct Level {
     pub inverse_diagonal: wgpu::Buffer,
     /// Bind group 0.
     pub group: wgpu::BindGroup,
+    /// The same without the coefficients, for the kernels that write them.
+    pub outline: wgpu::BindGroup,
     /// Workgroups of a kernel that takes a column a lane quadruple.
     pub columns: [u32; 3],
     /// Workgroups of a kernel that takes a child's parent.
@@ -59,11 +61,13 @@ impl Level {
             0,
         ];
         let [fx, fy, fz] = &faces;
-        let group = gpu.level_group(&gpu.uniform(&words), [fx, fy, fz, &absorption]);
+        let (uniform, nothing) = (gpu.uniform(&words), gpu.buffer(0));
+        let group = gpu.level_group(&uniform, [fx, fy, fz, &absorption]);
+        let outline = gpu.level_group(&uniform, [&nothing; 4]);
         let columns = [(n[0] * quads as u32).div_ceil(64), n[1], n[2].div_ceil(planes as u32)];
         let parents = [(m[0] * quads as u32).div_ceil(64), m[1], m[2]];
         let inverse_diagonal = gpu.buffer(nx * ny * nz);
-        Self { cells, faces, absorption, inverse_diagonal, group, columns, parents }
+        Self { cells, faces, absorption, inverse_diagonal, group, outline, columns, parents }
     }
 
     pub fn len(&self) -> usize {

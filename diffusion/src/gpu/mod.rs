@@ -7,12 +7,17 @@ mod kernels;
 mod krylov;
 mod level;
 mod multigrid;
+mod objective;
+#[cfg(test)]
+mod tests;
+mod vector;
 
 pub use device::Gpu;
 pub use error::GpuError;
+pub(crate) use objective::OnGpu;
 
 use crate::{Batch, LinearSolver, Operator, SolveError, SolveReport};
-use krylov::Krylov;
+use krylov::{Krylov, System};
 use level::{Hierarchy, face_count};
 
 /// Half a unit in the last place of single precision.
@@ -34,6 +39,7 @@ struct Space {
     quads: usize,
     hierarchy: Hierarchy,
     krylov: Krylov,
+    system: System,
     /// Whether the coefficients are those of the operator.
     current: bool,
 }
@@ -49,30 +55,10 @@ impl GpuSolver {
         &self.gpu
     }
 
-    /// The most lanes, out of 4, 8 and 16, that a batch needs and a binding can hold.
-    fn quads(&self, operator: &Operator, lanes: usize) -> Result<usize, GpuError> {
-        let have = self.gpu.largest_binding();
-        let needed = |quads: usize| (operator.len() * quads * 16) as u64;
-        let mut quads = lanes / 4;
-        while quads > 1 && needed(quads) > have {
-            quads /= 2;
-        }
-        if needed(quads) > have {
-            return Err(GpuError::OutOfMemory {
-                adapter: self.gpu.name().into(),
-                cells: operator.cells(),
-                lanes: 4,
-                needed: needed(1),
-                have: Some(have),
-            });
-        }
-        Ok(quads)
-    }
-
     /// Work space for the operator and `lanes` fields, with the operator's coefficients in it.
     fn space(&mut self, lanes: usize) -> Result<(), SolveError> {
         let operator = self.operator.as_ref().ok_or(SolveError::NotPrepared)?;
-        let quads = self.quads(operator, lanes)?;
+        let quads = quads_that_fit(&self.gpu, operator.cells(), lanes / 4)?;
         let fits = |s: &Space| {
             (s.cells, s.spacing_mm, s.quads) == (operator.cells(), operator.spacing_mm(), quads)
         };
@@ -89,24 +75,40 @@ impl GpuSolver {
     }
 }
 
+/// The most quadruples of lanes, up to `wanted`, of which a field fits into a binding.
+fn quads_that_fit(gpu: &Gpu, cells: [usize; 3], wanted: usize) -> Result<usize, GpuError> {
+    let have = gpu.largest_binding();
+    let needed = |quads: usize| (cells.iter().product::<usize>() * quads * 16) as u64;
+    let mut quads = wanted;
+    while quads > 1 && needed(quads) > have {
+        quads /= 2;
+    }
+    if needed(quads) <= have {
+        return Ok(quads);
+    }
+    let (adapter, lanes, needed) = (gpu.name().into(), 4, needed(1));
+    Err(GpuError::OutOfMemory { adapter, cells, lanes, needed, have: Some(have) })
+}
+
 impl Space {
     fn new(gpu: &Gpu, operator: &Operator, quads: usize) -> Result<Self, GpuError> {
         let (cells, spacing_mm) = (operator.cells(), operator.spacing_mm());
-        let (hierarchy, krylov) = gpu.allocating(
+        let (hierarchy, krylov, system) = gpu.allocating(
             || {
                 let hierarchy = Hierarchy::new(gpu, cells, spacing_mm, quads);
                 let krylov = Krylov::new(gpu, &hierarchy, quads);
-                (hierarchy, krylov)
+                let system = krylov.system(gpu, &hierarchy, quads);
+                (hierarchy, krylov, system)
             },
             || GpuError::OutOfMemory {
                 adapter: gpu.name().into(),
                 cells,
                 lanes: 4 * quads,
-                needed: Krylov::bytes(operator.len(), quads),
+                needed: Krylov::bytes(operator.len(), quads, 1),
                 have: None,
             },
         )?;
-        Ok(Self { cells, spacing_mm, quads, hierarchy, krylov, current: false })
+        Ok(Self { cells, spacing_mm, quads, hierarchy, krylov, system, current: false })
     }
 
     fn upload(&self, gpu: &Gpu, operator: &Operator) {
@@ -185,13 +187,13 @@ impl LinearSolver for GpuSolver {
                 out
             };
             self.gpu.write(&space.krylov.b, &gather(b));
-            self.gpu.write(&space.krylov.high, &gather(x));
-            let taken = space.krylov.solve(&self.gpu, inner)?;
+            self.gpu.write(&space.system.high, &gather(x));
+            let taken = space.krylov.solve(&self.gpu, &mut space.system, inner)?;
             report.iterations = report.iterations.max(taken.iterations);
             history.extend(taken.history);
             let len = operator.len() * group;
             let read = |buffer| self.gpu.submit_and_read(self.gpu.encoder(), buffer, len);
-            let (high, low) = (read(&space.krylov.high)?, read(&space.krylov.low)?);
+            let (high, low) = (read(&space.system.high)?, read(&space.krylov.low)?);
             for (lane, field) in lanes.clone().enumerate() {
                 let unscale = if scale[lane] > 0.0 { 1.0 / scale[lane] } else { 0.0 };
                 for cell in 0..operator.len() {

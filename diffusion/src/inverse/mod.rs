@@ -10,13 +10,15 @@ mod smoothness;
 mod volume;
 mod work;
 
+pub(crate) use data_term::WithSolver;
 pub use measurement::{Measurement, MeasurementError};
+pub(crate) use objective::{Device, Misfit, Objective, Problem, RANGE, Vector};
+pub(crate) use smoothness::step_weights;
 pub use work::Work;
 
-use crate::{LinearSolver, SolveError};
-use data_term::WithSolver;
+use crate::gpu::OnGpu;
+use crate::{Gpu, GpuSolver, LinearSolver, SolveError};
 use material::{Grid, Optics};
-use objective::Problem;
 
 /// How the coefficients are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -151,14 +153,43 @@ pub fn invert<S: LinearSolver>(
     solver: &mut S,
     observer: Observer<'_>,
 ) -> Result<Inverse, InverseError> {
+    let problem = problem(grid, optics, measurement, settings);
+    match settings.method {
+        Method::Lbfgs => volume::run(&mut WithSolver(solver), &problem, settings, observer),
+        Method::Paper => paper::run(&problem, settings, solver, observer),
+    }
+}
+
+/// [`invert`] with everything on a GPU: forward and adjoint solves, gradient, smoothness and the
+/// optimiser's vectors. (`Method::Paper` has only its solves there.)
+///
+/// # Errors
+/// As [`invert`]; also if the GPU cannot hold the problem, or is lost.
+pub fn invert_on_gpu(
+    grid: &Grid,
+    optics: &Optics,
+    measurement: &Measurement,
+    settings: &InverseSettings,
+    gpu: &Gpu,
+    observer: Observer<'_>,
+) -> Result<Inverse, InverseError> {
+    let problem = problem(grid, optics, measurement, settings);
+    match settings.method {
+        Method::Lbfgs => volume::run(&mut OnGpu(gpu), &problem, settings, observer),
+        Method::Paper => paper::run(&problem, settings, &mut GpuSolver::new(gpu.clone()), observer),
+    }
+}
+
+fn problem(
+    grid: &Grid,
+    optics: &Optics,
+    measurement: &Measurement,
+    settings: &InverseSettings,
+) -> Problem {
     let measurement = match settings.method {
         Method::Lbfgs => measurement.with_model_error(settings.model_error),
         Method::Paper => measurement.unweighted(),
     };
     let (grid, optics, free_gain) = (*grid, *optics, settings.free_gain);
-    let problem = Problem { grid, optics, measurement, free_gain };
-    match settings.method {
-        Method::Lbfgs => volume::run(&mut WithSolver(solver), &problem, settings, observer),
-        Method::Paper => paper::run(&problem, settings, solver, observer),
-    }
+    Problem { grid, optics, measurement, free_gain }
 }

@@ -2,17 +2,22 @@
 
 use material::Grid;
 
-/// R(u) = Σ_faces c_a (u_b − u_a)², a finite-difference ‖∇u‖² with c_a = (A_a/h_a)/V^⅓, so that
-/// c_a = 1 for cubic cells and a stretched grid measures the same block the same way. Adds
-/// `scale` · ∂R/∂u to `gradient` and returns R.
+/// c_a = (A_a/h_a)/V^⅓ of every axis: 1 for cubic cells, and a stretched grid measures the same
+/// block the same way.
+pub(crate) fn step_weights(grid: &Grid) -> [f64; 3] {
+    let volume = grid.cell_volume_mm3();
+    grid.spacing_mm().map(|h| volume / (h * h) / volume.cbrt())
+}
+
+/// R(u) = Σ_faces c_a (u_b − u_a)², a finite-difference ‖∇u‖². Adds `scale` · ∂R/∂u to `gradient`
+/// and returns R.
 pub(crate) fn squared_gradient(grid: &Grid, u: &[f64], scale: f64, gradient: &mut [f64]) -> f64 {
     let cells = grid.cells();
-    let h = grid.spacing_mm();
-    let volume = grid.cell_volume_mm3();
+    let weights = step_weights(grid);
     let strides = [1, cells[0], cells[0] * cells[1]];
     let mut total = 0.0;
     for axis in 0..3 {
-        let c = volume / (h[axis] * h[axis]) / volume.cbrt();
+        let c = weights[axis];
         for i in 0..u.len() {
             let position = [i % cells[0], i / cells[0] % cells[1], i / strides[2]][axis];
             if position + 1 < cells[axis] {

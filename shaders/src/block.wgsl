@@ -1,0 +1,26 @@
+// What a block is made of beside its coefficients; this text stands before the kernels of the
+// inverse problem, after level.wgsl.
+struct Block {
+    spacing: vec3<f32>,        // mm
+    volume: f32,               // of a cell, mm³
+    smoothness: vec3<f32>,     // weight of a step across a face of each axis
+    boundary_constant: f32,    // C
+    origin: vec2<f32>,         // log κ and log μ that the range is about
+    range: f32,                // how far from it they may go
+    unscale: f32,              // by what weights were multiplied, inversely
+    drive: f32,                // the surface model's, see SurfaceModel in diffusion/src/surface.rs
+    beam: f32,
+    exit_per_flux: f32,
+    exit_per_irradiance: f32,
+    lit_front: u32,            // 1 if the light falls on the face that the camera sees
+    closed: u32,               // 1 if no light passes the lateral faces
+    free_gain: u32,
+    unused: u32,
+}
+
+@group(1) @binding(0) var<storage, read> block: Block;
+
+// The cell at depth k as the light meets them.
+fn lit_depth(k: u32) -> u32 {
+    return select(level.cells.z - 1u - k, k, block.lit_front == 1u);
+}

@@ -1,0 +1,41 @@
+// What leaves the front face along its normal, and the sums that the best gain follows from.
+// Twins: Forward::exit_radiance in diffusion/src/forward.rs, DataTerm in diffusion/src/inverse.
+
+@group(1) @binding(1) var<storage, read> irradiance: array<vec4<f32>>;
+@group(1) @binding(2) var<storage, read> fluence: array<vec4<f32>>;
+@group(1) @binding(3) var<storage, read> measured: array<vec4<f32>>;
+@group(1) @binding(4) var<storage, read> weight: array<vec4<f32>>;
+@group(1) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(1) @binding(6) var<storage, read_write> sums: array<vec4<f32>>; // of every workgroup
+
+var<workgroup> strip: array<vec4<f32>, 64>;
+
+@compute @workgroup_size(64)
+fn exit_radiance(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    var own = vec4(0.0);
+    if all(vec2(id.x / level.quads, id.y) < level.cells.xy) {
+        // The front face's cells are the first of the block.
+        let i = id.y * level.cells.x * level.quads + id.x;
+        let g = face_z[i / level.quads] / (block.spacing.x * block.spacing.y);
+        let light = select(vec4(0.0), irradiance[i], block.lit_front == 1u);
+        let flux = g * (fluence[i] - block.drive * light);
+        let l = block.exit_per_flux * flux + block.exit_per_irradiance * light;
+        radiance[i] = l;
+        own = vec4(dot(weight[i] * l, l), dot(weight[i] * l, measured[i]), 0.0, 0.0);
+    }
+    strip[local] = own;
+    for (var half = 32u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if local < half {
+            strip[local] += strip[local + half];
+        }
+    }
+    if local == 0u {
+        sums[group.y * groups.x + group.x] = strip[0];
+    }
+}

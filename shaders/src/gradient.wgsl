@@ -1,0 +1,98 @@
+// ∂J/∂κ and ∂J/∂μ of every cell from fluence φ and adjoint fluence w, onto what is there already.
+// Twin: Forward::gradient in diffusion/src/adjoint.rs.
+
+@group(1) @binding(1) var<storage, read> kappa: array<f32>;
+@group(1) @binding(2) var<storage, read> irradiance: array<vec4<f32>>; // of the lit face's cells
+@group(1) @binding(3) var<storage, read> fluence: array<vec4<f32>>;
+@group(1) @binding(4) var<storage, read> adjoint: array<vec4<f32>>;
+@group(1) @binding(5) var<storage, read> by_radiance: array<vec4<f32>>; // of the front face's cells
+@group(1) @binding(6) var<storage, read_write> slopes: array<f32>; // by κ of all cells, then by μ
+
+// −∂T/∂κ of this cell times Σ Δφ Δw, over an inner face; `ratio` is κ beyond / (κ here + κ beyond).
+fn across(cell: u32, beyond: u32, axis: u32) -> f32 {
+    let own = kappa[cell];
+    let other = kappa[beyond];
+    let ratio = other / (own + other);
+    let h = block.spacing[axis];
+    var drop = 0.0;
+    for (var q = 0u; q < level.quads; q++) {
+        let i = cell * level.quads + q;
+        let j = beyond * level.quads + q;
+        drop += dot(fluence[j] - fluence[i], adjoint[j] - adjoint[i]);
+    }
+    return -2.0 * block.volume / (h * h) * ratio * ratio * drop;
+}
+
+// ∂g/∂κ times Σ w (outside − φ), and what leaves the front face directly through its own g.
+fn surface(cell: u32, axis: u32, high: bool, conductance: f32, column: u32) -> f32 {
+    let h = block.spacing[axis];
+    let area = block.volume / h;
+    let slope = conductance * conductance * h / (2.0 * area * kappa[cell] * kappa[cell]);
+    let lit = axis == 2u && high == (block.lit_front == 0u);
+    let front = axis == 2u && !high;
+    var sum = 0.0;
+    for (var q = 0u; q < level.quads; q++) {
+        let i = cell * level.quads + q;
+        var outside = vec4(0.0);
+        if lit {
+            outside = block.drive * irradiance[column * level.quads + q];
+        }
+        var pull = adjoint[i];
+        if front {
+            pull -= block.exit_per_flux / area * by_radiance[column * level.quads + q];
+        }
+        sum += dot(pull, outside - fluence[i]);
+    }
+    return slope * sum;
+}
+
+@compute @workgroup_size(64)
+fn gradient(@builtin(global_invocation_id) place: vec3<u32>) {
+    let n = level.cells;
+    if any(place >= n) {
+        return;
+    }
+    let cell = cell_at(place);
+    let column = place.y * n.x + place.x;
+    let step = vec3(1u, n.x, n.x * n.y);
+    let low = faces_below(place);
+    let high = faces_above(place);
+    var by_kappa = 0.0;
+    if place.x > 0u {
+        by_kappa += across(cell, cell - step.x, 0u);
+    } else {
+        by_kappa += surface(cell, 0u, false, face_x[low.x], column);
+    }
+    if place.x + 1u < n.x {
+        by_kappa += across(cell, cell + step.x, 0u);
+    } else {
+        by_kappa += surface(cell, 0u, true, face_x[high.x], column);
+    }
+    if place.y > 0u {
+        by_kappa += across(cell, cell - step.y, 1u);
+    } else {
+        by_kappa += surface(cell, 1u, false, face_y[low.y], column);
+    }
+    if place.y + 1u < n.y {
+        by_kappa += across(cell, cell + step.y, 1u);
+    } else {
+        by_kappa += surface(cell, 1u, true, face_y[high.y], column);
+    }
+    if place.z > 0u {
+        by_kappa += across(cell, cell - step.z, 2u);
+    } else {
+        by_kappa += surface(cell, 2u, false, face_z[low.z], column);
+    }
+    if place.z + 1u < n.z {
+        by_kappa += across(cell, cell + step.z, 2u);
+    } else {
+        by_kappa += surface(cell, 2u, true, face_z[high.z], column);
+    }
+    var product = 0.0;
+    for (var q = 0u; q < level.quads; q++) {
+        let i = cell * level.quads + q;
+        product += dot(fluence[i], adjoint[i]);
+    }
+    slopes[cell] += by_kappa;
+    slopes[n.x * n.y * n.z + cell] -= block.volume * product;
+}

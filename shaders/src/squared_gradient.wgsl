@@ -1,0 +1,55 @@
+// The smoothness of log κ and log μ: its gradient, and what it comes to, into sums.
+// Twin: squared_gradient in diffusion/src/inverse/smoothness.rs.
+
+@group(1) @binding(1) var<storage, read> logs: array<f32>;
+@group(1) @binding(2) var<storage, read_write> out: array<f32>;
+@group(1) @binding(3) var<storage, read_write> sums: array<vec4<f32>>;
+
+var<workgroup> strip: array<vec4<f32>, 64>;
+
+// Σ over the faces of 2 c · step, and Σ over the faces above of c · step².
+fn bend(place: vec3<u32>, i: u32) -> vec2<f32> {
+    let n = level.cells;
+    let step = vec3(1u, n.x, n.x * n.y);
+    let own = logs[i];
+    var out = vec2(0.0);
+    for (var a = 0u; a < 3u; a++) {
+        if place[a] > 0u {
+            out.x += 2.0 * block.smoothness[a] * (own - logs[i - step[a]]);
+        }
+        if place[a] + 1u < n[a] {
+            let up = logs[i + step[a]] - own;
+            out += block.smoothness[a] * vec2(-2.0 * up, up * up);
+        }
+    }
+    return out;
+}
+
+@compute @workgroup_size(64)
+fn squared_gradient(
+    @builtin(global_invocation_id) place: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+) {
+    var own = vec4(0.0);
+    if all(place < level.cells) {
+        let cell = cell_at(place);
+        let count = level.cells.x * level.cells.y * level.cells.z;
+        let of_kappa = bend(place, cell);
+        let of_mu = bend(place, count + cell);
+        out[cell] = of_kappa.x;
+        out[count + cell] = of_mu.x;
+        own = vec4(of_kappa.y, of_mu.y, 0.0, 0.0);
+    }
+    strip[local] = own;
+    for (var half = 32u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if local < half {
+            strip[local] += strip[local + half];
+        }
+    }
+    if local == 0u {
+        sums[(group.z * groups.y + group.y) * groups.x + group.x] = strip[0];
+    }
+}
