@@ -4,6 +4,7 @@ mod adaptive;
 mod average;
 pub mod cli;
 mod commands;
+mod compute;
 mod devices;
 mod exposures;
 mod failure;

@@ -28,6 +28,25 @@ pub trait LinearSolver {
     fn operator(&self) -> Option<&Operator>;
 }
 
+impl<S: LinearSolver + ?Sized> LinearSolver for Box<S> {
+    fn prepare(&mut self, operator: Operator) -> Result<(), SolveError> {
+        (**self).prepare(operator)
+    }
+
+    fn solve(
+        &mut self,
+        b: &Batch,
+        x: &mut Batch,
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        (**self).solve(b, x, tolerance)
+    }
+
+    fn operator(&self) -> Option<&Operator> {
+        (**self).operator()
+    }
+}
+
 /// What a solve took.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SolveReport {

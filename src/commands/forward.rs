@@ -2,9 +2,9 @@
 //! compared with ours.
 
 use crate::Failure;
+use crate::compute::Device;
 use crate::output::{Done, check_output};
-use clap::ValueEnum;
-use diffusion::{Batch, CpuSolver, Forward, Illuminations, Medium, SolveReport};
+use diffusion::{Batch, Forward, Illuminations, Medium, SolveReport};
 use material::npz::{self, NpzReader};
 use material::{BoundaryConvention, Face, FileError, Grid, LateralBoundary, Optics, Overwrite};
 use serde_json::json;
@@ -27,8 +27,8 @@ pub(crate) struct Args {
     /// Answer: an .npz file
     #[arg(long)]
     output: PathBuf,
-    /// What does the work
-    #[arg(long, value_enum, default_value = "cpu")]
+    /// What does the work: auto (a GPU in hardware, else the CPU), cpu, gpu or gpu:NAME
+    #[arg(long, default_value = "auto")]
     device: Device,
     /// Largest residual of every field, relative to its right-hand side
     #[arg(long, default_value_t = 1e-6)]
@@ -36,12 +36,6 @@ pub(crate) struct Args {
     /// Replace an answer that is there
     #[arg(long)]
     force: bool,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Device {
-    Cpu,
-    Gpu,
 }
 
 /// What a problem file holds.
@@ -52,10 +46,6 @@ struct Problem {
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
-    if matches!(args.device, Device::Gpu) {
-        return Err(Failure::input("this build has only the CPU backend, not the GPU's")
-            .hint("use --device cpu"));
-    }
     if !(args.rtol > 0.0 && args.rtol < 1.0) {
         let found = args.rtol;
         return Err(Failure::input(format!("--rtol must lie between 0 and 1, found {found}")));
@@ -66,8 +56,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let Problem { medium, optics, light } = read(&args.input)?;
     let grid = *medium.grid();
 
+    let (mut solver, device) = args.device.solver()?;
     let started = Instant::now();
-    let mut solver = CpuSolver::<f32>::new();
     let mut forward = Forward::new(medium, &optics, &mut solver)?;
     let mut fluence = Batch::zeros(grid.len(), light.count());
     let report = forward.solve(&light, &mut fluence, args.rtol)?;
@@ -76,7 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let faces = [("radiance_front", Face::Front), ("radiance_back", Face::Back)]
         .map(|(name, face)| (name, forward.exit_radiance(&light, &fluence, face).concat()));
     write(&args.output, overwrite, &grid, &fluence, &faces)?;
-    Ok(done(args, seconds, &report, grid.len()))
+    Ok(done(args, &device, seconds, &report, grid.len()))
 }
 
 fn read(path: &Path) -> Result<Problem, Failure> {
@@ -141,11 +131,11 @@ fn write(
     })
 }
 
-fn done(args: &Args, seconds: f64, report: &SolveReport, unknowns: usize) -> Done {
+fn done(args: &Args, device: &str, seconds: f64, report: &SolveReport, unknowns: usize) -> Done {
     let fields = report.right_hand_sides;
     let rate = (unknowns * fields) as f64 / seconds;
     let text = format!(
-        "{}: {fields} fields of {unknowns} unknowns in {seconds:.3} s, {} iterations, relative \
+        "{}: {fields} fields of {unknowns} unknowns in {seconds:.3} s on {device}, {} iterations, relative \
          residual {:.1e}, {:.2} million unknowns x right-hand sides a second",
         args.output.display(),
         report.iterations,
@@ -154,6 +144,7 @@ fn done(args: &Args, seconds: f64, report: &SolveReport, unknowns: usize) -> Don
     );
     let json = json!({
         "output": args.output,
+        "device": device,
         "seconds": seconds,
         "iterations": report.iterations,
         "relative_residual": report.relative_residual,
