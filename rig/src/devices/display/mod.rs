@@ -94,9 +94,10 @@ pub fn list_monitors(server: Option<&str>) -> Result<Vec<Monitor>, DeviceError> 
 pub fn find_monitor(server: Option<&str>, name: &str) -> Result<Monitor, DeviceError> {
     let monitors = list_monitors(server)?;
     monitors.iter().find(|monitor| monitor.name == name).cloned().ok_or_else(|| {
-        let there: Vec<String> = monitors.iter().map(Monitor::to_string).collect();
-        let there = if there.is_empty() { "none".into() } else { there.join(", ") };
-        DeviceError::NotFound { device: format!("monitor {name:?} (there is {there})") }
+        DeviceError::NoneSuch {
+            device: format!("monitor {name:?}"),
+            there: monitors.iter().map(Monitor::to_string).collect(),
+        }
     })
 }
 
