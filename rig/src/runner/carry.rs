@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use material::{FileError, Overwrite, atomic_copy, hash_file};
+use material::{Overwrite, atomic_copy, hash_file};
 
-use super::{RunError, frames_by_file, settings};
+use super::RunError;
+use super::kept::{frames_by_file, make_folder_of, settings};
 use crate::{Event, Journal, Plan, frame_path, read_journal};
 
 /// Copies the frames of the session `from` that `plan` asks for, unchanged and taken under the very
@@ -37,14 +38,7 @@ pub fn carry_over(plan: &Plan, from: &Path, to: &Path) -> Result<usize, RunError
                     && hash_file(&source)? == *blake3;
                 if fits {
                     let copy = to.join(&name);
-                    if let Some(folder) = copy.parent() {
-                        let failed = |source| FileError::Io {
-                            path: folder.into(),
-                            action: "create",
-                            source,
-                        };
-                        std::fs::create_dir_all(folder).map_err(failed)?;
-                    }
+                    make_folder_of(&copy)?;
                     atomic_copy(&source, &copy, Overwrite::Refuse)?;
                     journal.append(event.clone())?;
                     carried += 1;
