@@ -1,19 +1,21 @@
-//! The projector's picture in a window that covers one monitor: grey level v of the image is (v, v, v) on
-//! the screen, pixel by pixel, whatever desktop there is.
+//! The projector's picture in a window that covers one monitor: grey level v of the image is
+//! (v, v, v) on the screen, pixel by pixel, whatever desktop there is.
 //!
 //! The window lives in a process of its own ([`run_window`]): libraries of the display server end
 //! the process when their connection breaks, a window can be created only once in a process, and
-//! neither must take a capture along. [`Display`] starts that process, hands it pictures through a pipe
-//! and waits for what it says; when the capture is gone, its window goes too.
+//! neither must take a capture along. `Display` starts that process, hands it pictures through a
+//! pipe and waits for what it says; when the capture is gone, its window goes too.
 //!
 //! Beside the window itself it sees to it that the picture stays: above all other windows, not
-//! blanked by a screen saver, and not bent by a night light's or colour profile's table on its way out, which is put back in the end.
+//! blanked by a screen saver, and not bent by a night light's or colour profile's table on its way
+//! out, which is put back in the end.
 //!
 //! ## When a picture counts as shown
 //! It was presented with vertical synchronisation ("Fifo"), the graphics device has finished
-//! drawing it, and two periods of the monitor's refresh have passed since: the first may still show the
-//! picture before, or a compositor may need it. What no computer is told is how long the projector itself takes
-//! from its input to its light. [`SETTLE_S`] is waited for that, or what the rig file says.
+//! drawing it, and two periods of the monitor's refresh have passed since: the first may still show
+//! the picture before, or a compositor may need it. What no computer is told is how long the
+//! projector itself takes from its input to its light. [`SETTLE_S`] is waited for that, or what the
+//! rig file says.
 
 #[cfg(all(feature = "display", target_os = "linux"))]
 mod desktop;
@@ -102,8 +104,8 @@ pub fn find_monitor(server: Option<&str>, name: &str) -> Result<Monitor, DeviceE
 }
 
 /// Makes this process the projector's window on the monitor of that name, at the server that
-/// `DISPLAY` names, until standard input
-/// ends. Orders come in on standard input and are answered on standard output.
+/// `DISPLAY` names, until standard input ends. Orders come in on standard input and are answered on
+/// standard output.
 ///
 /// # Errors
 /// No window could be opened; whoever started it was told as well.
