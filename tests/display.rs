@@ -245,6 +245,7 @@ fn a_monitor_that_is_not_there_is_told_with_those_that_are() {
         Display::open(Some(server), monitor, Duration::ZERO, &program()).map(drop).unwrap_err()
     };
     let error = open(server, "HDMI-9");
+    assert!(matches!(error, DeviceError::NoneSuch { .. }), "{error:?}");
     assert_eq!(error.kind(), DeviceErrorKind::NotFound);
     let first = &list_monitors(Some(server)).unwrap()[0];
     let told = format!("{} (640 x 400", first.name);

@@ -37,6 +37,53 @@ fn exr_keeps_every_bit() {
     }
 }
 
+/// Blocks are compressed on all processors, and the crate keeps attributes of the header in no order.
+#[test]
+fn exr_of_the_same_picture_is_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let samples = 40 * 300 * 3;
+    let image = HdrImage {
+        width: 40,
+        height: 300,
+        radiance: (0..samples).map(|i| (i as f32 * 0.37).sin().abs()).collect(),
+        variance: (0..samples).map(|i| 1e-6 * (i + 1) as f32).collect(),
+        ..image(3)
+    };
+    let written = |i: usize| {
+        let path = dir.path().join(format!("{i}.exr"));
+        write_exr(&path, &image, Overwrite::Refuse).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let first = written(0);
+    // Two attributes in either order: 19 times the same by chance once in half a million.
+    for i in 1..20 {
+        assert!(written(i) == first, "writing it for the {}th time", i + 1);
+    }
+}
+
+/// Both counts were attributes of the layer once; the file does not tell, and any order will do.
+#[test]
+fn exr_counts_are_found_wherever_they_were_put() {
+    use exr::prelude::*;
+    let dir = tempfile::tempdir().unwrap();
+    for in_layer in [["clippedShortest", "lostLongest"].as_slice(), &["lostLongest"], &[]] {
+        let path = dir.path().join(format!("{}.exr", in_layer.len()));
+        let plane = AnyChannel::new("Y", FlatSamples::F32(vec![0.5; 6]));
+        let channels = AnyChannels::sort(std::iter::once(plane).collect());
+        let mut file = Image::from_encoded_channels((3, 2), Encoding::SMALL_LOSSLESS, channels);
+        for (name, count) in [("clippedShortest", 7), ("lostLongest", 5)] {
+            let attributes = match in_layer.contains(&name) {
+                true => &mut file.layer_data.attributes.other,
+                false => &mut file.attributes.other,
+            };
+            attributes.insert(Text::from(name), AttributeValue::I32(count));
+        }
+        file.write().to_file(&path).unwrap();
+        let read = read_exr(&path).unwrap();
+        assert_eq!((read.clipped_shortest, read.lost_longest), (7, 5), "{in_layer:?}");
+    }
+}
+
 #[test]
 fn exr_of_other_software_is_read() {
     let dir = tempfile::tempdir().unwrap();

@@ -40,6 +40,19 @@ pub fn atomic_write(
     unfinished.finish()
 }
 
+/// Copies a file's content as [`atomic_write`] writes one.
+///
+/// # Errors
+/// Those of [`atomic_write`], and that `from` cannot be read.
+pub fn atomic_copy(from: &Path, to: &Path, overwrite: Overwrite) -> Result<(), FileError> {
+    let mut source = File::open(from).map_err(FileError::reading(from))?;
+    let mut unfinished = Unfinished::begin(to, overwrite)?;
+    // Which of the two files failed is not told.
+    let failed = |source| FileError::Io { path: from.into(), action: "copy", source };
+    io::copy(&mut source, unfinished.file()).map_err(failed)?;
+    unfinished.finish()
+}
+
 /// The two halves of [`atomic_write`], for who writes a file on one thread and waits for the disk
 /// on another. A file that is not finished leaves nothing behind when it is dropped.
 #[derive(Debug)]
@@ -140,6 +153,31 @@ mod tests {
         assert!(failing.unwrap_err().to_string().contains("a.txt"));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "two");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn copies_are_whole_or_not_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name| folder.path().join(name);
+        let content: Vec<u8> = (0..300_000_u32).map(|i| (i.wrapping_mul(i) >> 8) as u8).collect();
+        std::fs::write(path("from"), &content).unwrap();
+        atomic_copy(&path("from"), &path("to"), Overwrite::Refuse).unwrap();
+        assert!(std::fs::read(path("to")).unwrap() == content);
+
+        std::fs::write(path("from"), "short").unwrap();
+        let refused = atomic_copy(&path("from"), &path("to"), Overwrite::Refuse);
+        assert!(matches!(refused, Err(FileError::Exists { path: there }) if there == path("to")));
+        assert!(std::fs::read(path("to")).unwrap() == content);
+        // The second one can be opened, but has nothing to read.
+        std::fs::create_dir(path("folder")).unwrap();
+        for from in ["none", "folder"] {
+            let error = atomic_copy(&path(from), &path("to"), Overwrite::Replace).unwrap_err();
+            assert!(error.to_string().contains(from), "{error}");
+            assert!(std::fs::read(path("to")).unwrap() == content);
+        }
+        atomic_copy(&path("from"), &path("to"), Overwrite::Replace).unwrap();
+        assert_eq!(std::fs::read_to_string(path("to")).unwrap(), "short");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
     }
 
     /// The name is taken while the writer is at work: the race is lost, not the other's file.

@@ -12,7 +12,7 @@ mod optics;
 mod provenance;
 mod volume;
 
-pub use atomic::{Overwrite, Unfinished, atomic_write};
+pub use atomic::{Overwrite, Unfinished, atomic_copy, atomic_write};
 pub use file_error::FileError;
 pub use grid::{Grid, GridError};
 pub use optics::{

@@ -17,6 +17,7 @@ use crate::{Frame, FrameError, FrameMetadata, PixelRect};
 const BLOCK: usize = 65535;
 /// Head of a stored block: whether it is the last, and its length twice.
 const BLOCK_HEAD: usize = 5;
+
 /// What there is to tell of a frame that was encoded.
 pub(crate) struct Encoded {
     /// BLAKE3 of all bytes.
@@ -185,14 +186,8 @@ impl<'w, W: Write> Stored<'w, W> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::survey::tests::frame;
     use crate::{Pattern, Purpose, Target, read_frame};
-
-    fn frame(width: u32, height: u32, channels: u8) -> Frame {
-        let n = width * height * u32::from(channels);
-        // Squares modulo a prime: every digit changes from value to value.
-        let data = (0..n).map(|i| (i.wrapping_mul(i) % 4093) as u16).collect();
-        Frame { width, height, channels, bit_depth: 12, data, exposure_s: 0.5 }
-    }
 
     fn metadata() -> FrameMetadata {
         FrameMetadata {
@@ -210,7 +205,8 @@ mod tests {
         }
     }
 
-    /// Read back by the png crate, which checks all sums. Sizes around the length of a stored block: just less, just that, just more, and twice.
+    /// Read back by the png crate, which checks all sums. Sizes around the length of a stored block:
+    /// just less, just that, just more, and twice.
     #[test]
     fn what_is_stored_is_what_is_read() {
         let folder = tempfile::tempdir().unwrap();

@@ -104,7 +104,6 @@ pub(crate) struct Survey {
     height: usize,
     clip: u16,
     rows: usize,
-    values: usize,
     min: u16,
     max: u16,
     clipped: u64,
@@ -125,7 +124,6 @@ impl Survey {
             height: frame.height as usize,
             clip: frame.max_value(),
             rows: 0,
-            values: 0,
             min: u16::MAX,
             max: 0,
             clipped: 0,
@@ -187,10 +185,9 @@ impl Survey {
             self.probes.extend((0..PROBES[0]).map(|i| row.get(at(i)).copied().unwrap_or(0)));
         }
         self.rows += 1;
-        self.values += row.len();
         if max > self.clip {
             let within = row.iter().position(|&v| v > self.clip).unwrap_or(0);
-            let index = self.values - row.len() + within;
+            let index = self.all.values as usize - row.len() + within;
             return Err(FrameError::Value { max: self.clip, index, value: row[within] });
         }
         Ok(())
@@ -248,7 +245,7 @@ impl Survey {
             min: self.min.min(self.max),
             max: self.max,
             mean: self.all.mean(),
-            clipped_share: self.clipped as f64 / self.values.max(1) as f64,
+            clipped_share: self.clipped as f64 / self.all.values.max(1) as f64,
             focus: self.all.focus(),
             patch: self.patch.map(|(_, c)| PatchStats { mean: c.mean(), focus: c.focus() }),
         }
@@ -256,10 +253,10 @@ impl Survey {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn frame(width: u32, height: u32, channels: u8) -> Frame {
+    pub(crate) fn frame(width: u32, height: u32, channels: u8) -> Frame {
         let n = width * height * u32::from(channels);
         // Squares modulo a prime: every digit changes from value to value.
         let data = (0..n).map(|i| (i.wrapping_mul(i) % 4093) as u16).collect();

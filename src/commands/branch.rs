@@ -5,10 +5,9 @@ use crate::adaptive;
 use crate::devices::RIG_FILE;
 use crate::output::Done;
 use crate::session::Session;
-use material::{Overwrite, atomic_write};
+use material::{Overwrite, atomic_copy};
 use rig::carry_over;
 use serde_json::json;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Go on in another folder with a plan that was changed in the middle
@@ -29,12 +28,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let branch = Session::create(&args.branch, session.config.clone(), Overwrite::Refuse)?;
     let rig_file = session.path(RIG_FILE);
     if rig_file.is_file() {
-        copy_file(&rig_file, &branch.path(RIG_FILE))?;
+        atomic_copy(&rig_file, &branch.path(RIG_FILE), Overwrite::Refuse)?;
     }
     let choice = session.path(adaptive::CHOICE);
     if choice.is_file() {
         let copy = branch.path(adaptive::CHOICE);
-        copy_file(&choice, &copy)?;
+        atomic_copy(&choice, &copy, Overwrite::Refuse)?;
         // Chosen for a bracket that is no more: the branch chooses anew.
         if adaptive::Chosen::read(&branch).is_err() {
             std::fs::remove_file(&copy)
@@ -74,13 +73,7 @@ fn copy_folder(from: &Path, to: &Path) -> Result<(), Failure> {
     for entry in std::fs::read_dir(from).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
         let Some(name) = path.file_name().filter(|_| path.is_file()) else { continue };
-        copy_file(&path, &to.join(name))?;
+        atomic_copy(&path, &to.join(name), Overwrite::Refuse)?;
     }
     Ok(())
-}
-
-fn copy_file(from: &Path, to: &Path) -> Result<(), Failure> {
-    let bytes = std::fs::read(from)
-        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", from.display())))?;
-    Ok(atomic_write(to, Overwrite::Refuse, |file| file.write_all(&bytes))?)
 }

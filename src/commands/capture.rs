@@ -117,21 +117,28 @@ fn shoot(
 }
 
 /// What happened, to whoever watches.
-pub(crate) fn tell(progress: &mut Progress, p: &rig::Progress<'_>) {
-    match &p.step {
-        Step::Retried(why) => progress.say(&format!("{}: {why}; trying again", p.shot)),
-        Step::Warned(warning) => progress.say(&format!("WARNING: {}: {warning}", p.shot)),
-        Step::Waiting { free, needed } => progress.say(&format!(
-            "waiting for space on the disk: {:.0} MB are free, {:.0} MB are needed; make room, or end with Ctrl-C",
-            *free as f64 / 1e6,
-            *needed as f64 / 1e6
-        )),
-        Step::Placing(_) | Step::Kept | Step::Taken => {}
+fn tell(progress: &mut Progress, p: &rig::Progress<'_>) {
+    if let Some(remark) = remark(p) {
+        progress.say(&remark);
     }
     match (p.requested_s, p.left_s) {
         (Some(exposure_s), left_s) => {
             progress.set_left(p.done, &format!("{}, {exposure_s:.3} s", p.shot), left_s);
         }
         _ => progress.set_left(p.done, p.shot, None),
+    }
+}
+
+/// A line on what is out of the ordinary.
+pub(crate) fn remark(p: &rig::Progress<'_>) -> Option<String> {
+    match &p.step {
+        Step::Retried(why) => Some(format!("{}: {why}; trying again", p.shot)),
+        Step::Warned(warning) => Some(format!("WARNING: {}: {warning}", p.shot)),
+        Step::Waiting { free, needed } => Some(format!(
+            "waiting for space on the disk: {:.0} MB are free, {:.0} MB are needed; make room, or end with Ctrl-C",
+            *free as f64 / 1e6,
+            *needed as f64 / 1e6
+        )),
+        Step::Placing(_) | Step::Kept | Step::Taken => None,
     }
 }

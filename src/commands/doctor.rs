@@ -11,7 +11,7 @@ use crate::output::Done;
 use crate::session::{RigConfig, Session};
 use material::{Material, hash_file};
 use rig::devices::camera::CameraDriver;
-use rig::{DeviceErrorKind, Event, read_journal};
+use rig::{DeviceErrorKind, Event, free_bytes, read_journal};
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -151,13 +151,8 @@ fn memory() -> Check {
 }
 
 fn disk(folder: &Path) -> Check {
-    // POSIX output: one header line, then sizes in KiB; the fourth column is what is available.
-    let available = Command::new("df").arg("-Pk").arg(folder).output().ok().and_then(|out| {
-        let text = String::from_utf8_lossy(&out.stdout).into_owned();
-        text.lines().nth(1)?.split_whitespace().nth(3)?.parse::<f64>().ok()
-    });
     let told = |gib: f64| format!("{gib:.1} GiB free at {}", folder.display());
-    match available.map(|kib| kib / 1024.0 / 1024.0) {
+    match free_bytes(folder).map(|bytes| bytes as f64 / (1_u64 << 30) as f64) {
         Some(gib) if gib >= DISK_GIB => Check::found("disk", told(gib)),
         Some(gib) => Check::missing(
             "disk",

@@ -4,12 +4,13 @@ mod devices;
 
 use crate::Failure;
 use crate::adaptive::{Brackets, SchemeName};
+use crate::devices::RIG_FILE;
 use crate::output::Done;
 use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
 use crate::wheel;
 use calibration::{Board, NoiseModel};
 use clap::ValueEnum;
-use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite};
+use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite, atomic_copy};
 use serde_json::json;
 use simulator::{Imperfections, SampleKind, SampleSpec, SimulatedRig};
 use std::path::PathBuf;
@@ -137,7 +138,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
     let session = Session::create(&args.session, config, overwrite)?;
     if let Some(path) = rig_file {
-        devices::copy(path, &session, overwrite)?;
+        // So that it stays what the pictures were taken with.
+        atomic_copy(path, &session.path(RIG_FILE), overwrite)?;
     }
     let folder = session.folder().display();
     let [nx, ny, nz] = session.config.sample.grid.cells();

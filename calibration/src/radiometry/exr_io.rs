@@ -4,8 +4,8 @@ use std::path::Path;
 
 use exr::meta::attribute::LineOrder;
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes,
-    ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, f16, read,
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, ReadChannels,
+    ReadLayers, SmallVec, Text, Vec2, WritableImage, f16, read,
 };
 use material::{Overwrite, atomic_write};
 
@@ -90,19 +90,18 @@ pub fn write_exr_as(
             channels.push(AnyChannel::new(name, plane(&image.variance, c)));
         }
     }
-    let mut attributes = LayerAttributes::default();
-    for (name, count) in [(CLIPPED, image.clipped_shortest), (LOST, image.lost_longest)] {
-        let count = i32::try_from(count).unwrap_or(i32::MAX);
-        attributes.other.insert(Text::from(name), AttributeValue::I32(count));
-    }
-    let layer = Layer::new(
+    let mut file = Image::from_encoded_channels(
         (image.width, image.height),
-        attributes,
         // Blocks in the file's order, not in that in which threads get done with them.
         Encoding { line_order: LineOrder::Increasing, ..Encoding::SMALL_LOSSLESS },
         AnyChannels::sort(channels),
     );
-    let file = Image::from_layer(layer);
+    // Each map is written in a random order, so each has one entry: the same picture has to be the
+    // same bytes. In the file they stand in one header, the layer's first.
+    let count = |n: usize| AttributeValue::I32(i32::try_from(n).unwrap_or(i32::MAX));
+    let in_layer = &mut file.layer_data.attributes.other;
+    in_layer.insert(Text::from(CLIPPED), count(image.clipped_shortest));
+    file.attributes.other.insert(Text::from(LOST), count(image.lost_longest));
     atomic_write(path, overwrite, |out| {
         file.write().to_buffered(out).map_err(|error| std::io::Error::other(error.to_string()))
     })?;
@@ -181,6 +180,7 @@ pub fn read_exr(path: impl AsRef<Path>) -> Result<HdrImage> {
             *value = 0.0;
         }
     }
+    // All that is not standard is handed over as the layer's, wherever it was put.
     let count = |name: &str| match layer.attributes.other.get(&Text::from(name)) {
         Some(AttributeValue::I32(count)) => usize::try_from(*count).unwrap_or(0),
         _ => 0,

@@ -1,12 +1,11 @@
 //! Frames of one session that serve another as well.
 
-use std::fs::File;
-use std::io;
 use std::path::Path;
 
-use material::{FileError, Overwrite, Unfinished, hash_file};
+use material::{Overwrite, atomic_copy, hash_file};
 
-use super::{RunError, frames_by_file, settings};
+use super::RunError;
+use super::kept::{frames_by_file, make_folder_of, settings};
 use crate::{Event, Journal, Plan, frame_path, read_journal};
 
 /// Copies the frames of the session `from` that `plan` asks for, unchanged and taken under the very
@@ -38,7 +37,9 @@ pub fn carry_over(plan: &Plan, from: &Path, to: &Path) -> Result<usize, RunError
                     && source.exists()
                     && hash_file(&source)? == *blake3;
                 if fits {
-                    copy(&source, &to.join(&name))?;
+                    let copy = to.join(&name);
+                    make_folder_of(&copy)?;
+                    atomic_copy(&source, &copy, Overwrite::Refuse)?;
                     journal.append(event.clone())?;
                     carried += 1;
                 }
@@ -46,16 +47,4 @@ pub fn carry_over(plan: &Plan, from: &Path, to: &Path) -> Result<usize, RunError
         }
     }
     Ok(carried)
-}
-
-fn copy(from: &Path, to: &Path) -> Result<(), FileError> {
-    if let Some(folder) = to.parent() {
-        let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    let mut unfinished = Unfinished::begin(to, Overwrite::Refuse)?;
-    let failed = |source| FileError::Io { path: from.into(), action: "copy", source };
-    let mut source = File::open(from).map_err(failed)?;
-    io::copy(&mut source, unfinished.file()).map_err(failed)?;
-    unfinished.finish()
 }

@@ -1,28 +1,33 @@
 //! Carries a plan out so that it can stop at any moment and go on later.
 
 mod carry;
+mod error;
+mod kept;
+mod options;
+mod progress;
 mod watch;
 mod writer;
 
 use std::collections::{HashMap, VecDeque};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::Path;
+use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use material::{FileError, Unfinished, hash_file};
-use serde::{Deserialize, Serialize};
-
+use kept::{frames_by_file, remove_unfinished, settings};
 use writer::{Taken, ToDisk, with_writer};
 
 pub use carry::carry_over;
+pub use error::RunError;
+pub use kept::{frame_path, set_aside};
+pub use options::{ReferencePatch, RunOptions, free_bytes};
+pub use progress::{Outcome, Progress, Step};
 pub use watch::Warning;
 
 use crate::timing::Seen;
 use crate::{
-    CameraInfo, DeviceError, Event, FaceMap, Frame, FrameError, FrameMetadata, Journal,
-    JournalError, PixelRect, Plan, PlanError, ProjectorImage, Readback, Recorded, Rig, Shot,
-    StopStatus, Target, read_frame,
+    CameraInfo, DeviceError, Event, Frame, FrameMetadata, Journal, JournalError, Plan,
+    ProjectorImage, Readback, Rig, Shot, StopStatus, Target,
 };
 
 /// Attempts at one request before a transient failure counts as a lasting one.
@@ -37,173 +42,13 @@ const RESERVE: u64 = 64 << 20;
 /// Frames between camera and journal: one in the hands of each thread, one waiting for each.
 const MOST_ON_THE_WAY: usize = 4;
 
-/// What a run needs beside the plan and the rig.
-#[derive(Clone, Copy)]
-pub struct RunOptions<'a> {
-    /// Set by somebody else, to end the run after the frame it is taking.
-    pub stop: &'a AtomicBool,
-    /// Where projector pixels fall on the lit face; needed for patterns on the face.
-    pub face_map: Option<FaceMap<'a>>,
-    /// What tells of a drifting lamp or lens, if the rig has it.
-    pub patch: Option<ReferencePatch>,
-    /// Wait before a request is repeated; doubled each time.
-    pub retry_wait: Duration,
-    /// The longest that a run waits for space on the disk.
-    pub space_wait: Duration,
-    /// Bytes that the session's disk takes, where that is known: [`free_bytes`].
-    pub free_bytes: &'a dyn Fn(&Path) -> Option<u64>,
-}
-
-impl<'a> RunOptions<'a> {
-    /// What a person at a rig expects; patterns on the face are not possible yet.
-    pub fn new(stop: &'a AtomicBool) -> Self {
-        Self {
-            stop,
-            face_map: None,
-            patch: None,
-            retry_wait: Duration::from_millis(200),
-            space_wait: Duration::from_secs(600),
-            free_bytes: &free_bytes,
-        }
-    }
-}
-
-/// Bytes that the disk of a folder takes, or `None` where the system does not tell.
-pub fn free_bytes(folder: &Path) -> Option<u64> {
-    fs4::available_space(folder).ok()
-}
-
-/// A white patch beside the sample, that the projector lights in every picture of the sample and
-/// the camera sees.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ReferencePatch {
-    /// What the projector lights.
-    pub projector_px: PixelRect,
-    /// Where the camera sees it, and nothing else.
-    pub camera_px: PixelRect,
-}
-
-/// A frame is there, or something is tried again.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Progress<'a> {
-    /// Frames that are there.
-    pub done: usize,
-    /// Frames of the plan.
-    pub total: usize,
-    /// Name of the shot.
-    pub shot: &'a str,
-    /// Exposure of the frame, seconds, where it is about one.
-    pub requested_s: Option<f64>,
-    /// What happened.
-    pub step: Step,
-    /// Time that the rest should take, judged by the frames and placements of this run and of those
-    /// before in the same session, seconds.
-    pub left_s: Option<f64>,
-}
-
-/// What happened to a frame.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Step {
-    /// Something is being put on the bench for the shot; the request of a person, where the bench
-    /// has no hands of its own.
-    Placing(Target),
-    /// It was there already, unchanged.
-    Kept,
-    /// It was taken, and is on disk.
-    Taken,
-    /// Not yet: what was wrong, in words; it is tried again.
-    Retried(String),
-    /// It is there, and doubtful.
-    Warned(Warning),
-    /// Nothing is taken until there is space on the disk: bytes that are free, and that it needs.
-    Waiting {
-        /// Bytes that the disk still takes.
-        free: u64,
-        /// Bytes that the coming frame and what is on its way need.
-        needed: u64,
-    },
-}
-
-/// How a run that did not fail ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
-    /// Frames taken now.
-    pub taken: usize,
-    /// Frames that were there already, unchanged.
-    pub kept: usize,
-    /// Frames of the plan that are still missing, because the run was asked to stop.
-    pub missing: usize,
-}
-
-/// Why a run failed. Everything taken so far is kept, and the run can be repeated.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The plan makes no sense.
-    #[error(transparent)]
-    Plan(#[from] PlanError),
-    /// The journal cannot be used.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-    /// A file could not be read or written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The camera delivered something impossible, or it could not be written.
-    #[error("shot {shot:?}: {source}")]
-    Frame {
-        /// The shot.
-        shot: String,
-        /// What is wrong with the frame.
-        source: FrameError,
-    },
-    /// A device failed for good.
-    #[error("shot {shot:?}: {source}")]
-    Device {
-        /// The shot.
-        shot: String,
-        /// What the device did.
-        source: DeviceError,
-    },
-    /// The disk is full but for a reserve, and nobody made room.
-    #[error(
-        "shot {shot:?}: {:.1} MB are free on the disk, the next frames need {:.1} MB",
-        *free as f64 / 1e6,
-        *needed as f64 / 1e6
-    )]
-    NoSpace {
-        /// The shot.
-        shot: String,
-        /// Bytes that the disk still takes.
-        free: u64,
-        /// Bytes that are needed.
-        needed: u64,
-    },
-    /// A pattern on the face, but nobody knows where the face is.
-    #[error("shot {0:?}: its pattern lies on the lit face, which needs a calibrated projector")]
-    NoFaceMap(String),
-    /// The session holds frames of that name taken under other settings.
-    #[error(
-        "shot {shot:?}: {file} was taken with another target, pattern or exposure time than the plan has now"
-    )]
-    OtherSettings {
-        /// The shot.
-        shot: String,
-        /// The frame, relative to the session.
-        file: String,
-    },
-}
-
-/// Where a frame is kept, relative to the session: `frames/SHOT/SHOT-e0-r0.png`.
-pub fn frame_path(shot: &str, exposure_index: usize, repeat: u32) -> String {
-    format!("frames/{shot}/{shot}-e{exposure_index}-r{repeat}.png")
-}
-
 /// Takes every frame of `plan` that `session` does not hold yet.
 ///
 /// Frames go to `session/frames`, and `session/journal.jsonl` says what happened. A frame
 /// counts as there when its file still hashes to what the journal says, or when the journal does
 /// not know it and it says of itself that it is what the plan asks for: a run was killed between
-/// the two. Any other is moved aside (`….png.set-aside-1`) and taken again. So a run that was stopped, or whose machine lost power, is simply repeated.
+/// the two. Any other is moved aside (`….png.set-aside-1`) and taken again. So a run that was
+/// stopped, or whose machine lost power, is simply repeated.
 ///
 /// While a frame is written the next ones are taken; all of them are on disk, or the run has
 /// failed, when this returns.
@@ -275,42 +120,6 @@ pub fn run(
     let outcome = result?;
     noted?;
     Ok(outcome)
-}
-
-/// Moves the frames of a shot aside (`….png.set-aside-1`), so that the next run takes them again.
-///
-/// # Errors
-/// A file that cannot be moved.
-pub fn set_aside(session: &Path, shot: &Shot) -> Result<(), FileError> {
-    for exposure in 0..shot.exposures_s.len() {
-        for repeat in 0..shot.repeats {
-            move_aside(&session.join(frame_path(&shot.name, exposure, repeat)))?;
-        }
-    }
-    Ok(())
-}
-
-/// Removes what [`material::Unfinished`] left in a folder when its program was killed.
-fn remove_unfinished(folder: &Path) -> Result<(), FileError> {
-    let Ok(files) = std::fs::read_dir(folder) else { return Ok(()) };
-    for path in files.filter_map(|file| Some(file.ok()?.path())) {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
-        if name.is_some_and(|name| name.starts_with(Unfinished::PREFIX)) {
-            let failed = |source| FileError::Io { path: path.clone(), action: "remove", source };
-            std::fs::remove_file(&path).map_err(failed)?;
-        }
-    }
-    Ok(())
-}
-
-/// Renames a file to the first free name beside it, which is returned; None if it is not there.
-fn move_aside(path: &Path) -> Result<Option<String>, FileError> {
-    let places = (1..).map(|n| PathBuf::from(format!("{}.set-aside-{n}", path.display())));
-    let aside = places.into_iter().find(|aside| !aside.exists()).filter(|_| path.exists());
-    let Some(aside) = aside else { return Ok(None) };
-    let failed = |source| FileError::Io { path: path.into(), action: "move aside", source };
-    std::fs::rename(path, &aside).map_err(failed)?;
-    Ok(aside.file_name().map(|name| name.to_string_lossy().into_owned()))
 }
 
 struct Run<'a, 'p> {
@@ -449,78 +258,6 @@ impl Run<'_, '_> {
         let (done, total) = (outcome.kept + outcome.taken, self.total);
         let (requested_s, left_s) = (Some(requested_s), Some(left_s));
         (self.progress)(Progress { done, total, shot, requested_s, step, left_s });
-    }
-
-    /// Whether the frame is on disk as the journal says. One that is not is moved aside.
-    fn is_there(
-        &mut self,
-        shot: &Shot,
-        exposure_index: usize,
-        repeat: u32,
-    ) -> Result<bool, RunError> {
-        let file = frame_path(&shot.name, exposure_index, repeat);
-        let path = self.session.join(&file);
-        let known = match self.known.get(&file) {
-            Some(Event::FrameWritten { blake3, settings, .. }) => Some((blake3, settings)),
-            _ => None,
-        };
-        if known.is_some_and(|(_, taken)| *taken != settings(shot, exposure_index)) {
-            return Err(RunError::OtherSettings { shot: shot.name.clone(), file });
-        }
-        if !path.exists() {
-            return Ok(false);
-        }
-        let found = hash_file(&path)?;
-        let why = match known {
-            Some((hash, _)) if *hash == found => return Ok(true),
-            Some(_) => "has changed since it was taken",
-            None if self.adopt(shot, exposure_index, repeat, &path, found)? => return Ok(true),
-            None => "is not in the journal, and not what the plan asks for",
-        };
-        if let Some(name) = move_aside(&path)? {
-            let text = format!("{file} {why}: moved to {name} and taken again");
-            append(self.journal, Event::Note { text })?;
-        }
-        Ok(false)
-    }
-
-    /// Takes a frame that the journal does not know for what it says it is, if that is what the plan
-    /// asks for: a run that was killed may have named its file and not come to write the line. A
-    /// file gets its name when it is whole on the disk, and checksums cover all of it.
-    fn adopt(
-        &mut self,
-        shot: &Shot,
-        exposure_index: usize,
-        repeat: u32,
-        path: &Path,
-        blake3: String,
-    ) -> Result<bool, RunError> {
-        let Ok((frame, about)) = read_frame(path) else { return Ok(false) };
-        let expected = FrameMetadata {
-            exposure_s: about.exposure_s,
-            bit_depth: about.bit_depth,
-            ..self.metadata(shot, exposure_index, repeat)
-        };
-        if about != expected {
-            return Ok(false);
-        }
-        let file = frame_path(&shot.name, exposure_index, repeat);
-        let text = format!("{file} was whole on the disk, though no line said so");
-        append(self.journal, Event::Note { text })?;
-        let event = Event::FrameWritten {
-            shot: shot.name.clone(),
-            exposure_index,
-            repeat,
-            file,
-            blake3,
-            settings: settings(shot, exposure_index),
-            requested_s: Some(about.requested_s),
-            exposure_s: about.exposure_s,
-            device: Readback::default(),
-            stats: frame.stats(),
-        };
-        append(self.journal, event)?;
-        Ok(true)
     }
 
     /// All that is known of a frame before it is taken.
@@ -686,25 +423,7 @@ fn check(frame: &Frame, camera: &CameraInfo) -> Result<(), DeviceError> {
     })
 }
 
-/// What a journal says of each frame's file. Later lines replace earlier ones: a frame that was
-/// taken again.
-fn frames_by_file(recorded: Recorded) -> HashMap<String, Event> {
-    let events = recorded.entries.into_iter().map(|entry| entry.event);
-    let frames = events.filter_map(|event| match &event {
-        Event::FrameWritten { file, .. } => Some((file.clone(), event)),
-        _ => None,
-    });
-    frames.collect()
-}
-
 /// Appends to a journal that several threads write.
 pub(crate) fn append(journal: &Mutex<Journal>, event: Event) -> Result<(), JournalError> {
     journal.lock().unwrap_or_else(PoisonError::into_inner).append(event)
-}
-
-/// Tells frames apart that were taken under different settings.
-fn settings(shot: &Shot, exposure_index: usize) -> String {
-    let exposure = shot.exposures_s.get(exposure_index);
-    let text = serde_json::to_string(&(&shot.target, &shot.pattern, exposure)).unwrap_or_default();
-    blake3::hash(text.as_bytes()).to_hex().to_string()
 }

@@ -1,5 +1,5 @@
-//! Looks at every frame as it is written, so that what spoils a capture is told while it can still be
-//! mended.
+//! Looks at every frame as it is written, so that what spoils a capture is told while it can still
+//! be mended.
 
 use std::collections::HashMap;
 

@@ -9,8 +9,9 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 
-use material::{FileError, Overwrite, Unfinished};
+use material::{Overwrite, Unfinished};
 
+use super::kept::make_folder_of;
 use super::watch::{Warning, Watch};
 use super::{Outcome, ReferencePatch, RunError, append, frame_path};
 use crate::encode::{Encoded, encode_frame, named};
@@ -83,10 +84,7 @@ fn encode_all(
         let shot = metadata.shot.clone();
         let name = frame_path(&shot, metadata.exposure_index, metadata.repeat);
         let path = session.join(&name);
-        if let Some(folder) = path.parent() {
-            let failed = |source| FileError::Io { path: folder.into(), action: "create", source };
-            std::fs::create_dir_all(folder).map_err(failed)?;
-        }
+        make_folder_of(&path)?;
         let mut file = Unfinished::begin(&path, Overwrite::Refuse)?;
         let Encoded { blake3, survey } = encode_frame(&frame, &metadata, patch, file.file())
             .map_err(|e| RunError::Frame { shot: shot.clone(), source: named(e, &path) })?;

@@ -6,6 +6,7 @@ use super::boards::projected_points;
 use super::frames::frame_photo;
 use crate::Failure;
 use crate::cli::STOP;
+use crate::commands::capture::remark;
 use crate::session::Session;
 use calibration::{Board, Photo, detect_board};
 use material::Face;
@@ -37,17 +38,15 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
             if STOP.load(Ordering::Relaxed) {
                 stop.store(true, Ordering::Relaxed);
             }
+            if let Some(remark) = remark(&p) {
+                eprintln!("{remark}");
+            }
             let shot = plan.shots.iter().find(|s| s.name == p.shot);
             match (&p.step, shot) {
                 (Step::Placing(target), _) => {
                     let number = placements.iter().position(|t| t == target).unwrap_or(0) + 1;
                     eprintln!("[{number}/{}] place {target}", placements.len());
                 }
-                (Step::Retried(why), _) => eprintln!("{}: {why}; trying again", p.shot),
-                (Step::Warned(warning), _) => eprintln!("WARNING: {}: {warning}", p.shot),
-                (Step::Waiting { free, needed }, _) => eprintln!(
-                    "waiting for space on the disk: {free} bytes are free, {needed} are needed"
-                ),
                 (Step::Taken, Some(shot)) if is_last(&plan, shot, p.done) => {
                     match look(session, shot, &board) {
                         Ok(Ok(word)) => eprintln!("  {:14} {word}", shot.name),

@@ -2,13 +2,11 @@
 
 use super::LitFace;
 use crate::Failure;
-use crate::devices::{RIG_FILE, Simulated};
-use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
+use crate::devices::Simulated;
+use crate::session::{Config, PlanConfig, RigConfig, Sample};
 use calibration::{Board, NoiseModel};
-use material::atomic_write;
-use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Overwrite};
+use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary};
 use rig::{Chessboard, RigFile};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -118,11 +116,4 @@ fn projected_board([width, height]: [u32; 2]) -> Chessboard {
         x0: middle(width, columns + 1),
         y0: middle(height, rows + 1),
     }
-}
-
-/// Puts the rig file into the session, so that it stays what the pictures were taken with.
-pub(super) fn copy(path: &Path, session: &Session, overwrite: Overwrite) -> Result<(), Failure> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
-    Ok(atomic_write(&session.path(RIG_FILE), overwrite, |file| file.write_all(text.as_bytes()))?)
 }

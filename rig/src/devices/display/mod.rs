@@ -1,19 +1,21 @@
-//! The projector's picture in a window that covers one monitor: grey level v of the image is (v, v, v) on
-//! the screen, pixel by pixel, whatever desktop there is.
+//! The projector's picture in a window that covers one monitor: grey level v of the image is
+//! (v, v, v) on the screen, pixel by pixel, whatever desktop there is.
 //!
 //! The window lives in a process of its own ([`run_window`]): libraries of the display server end
 //! the process when their connection breaks, a window can be created only once in a process, and
-//! neither must take a capture along. [`Display`] starts that process, hands it pictures through a pipe
-//! and waits for what it says; when the capture is gone, its window goes too.
+//! neither must take a capture along. `Display` starts that process, hands it pictures through a
+//! pipe and waits for what it says; when the capture is gone, its window goes too.
 //!
 //! Beside the window itself it sees to it that the picture stays: above all other windows, not
-//! blanked by a screen saver, and not bent by a night light's or colour profile's table on its way out, which is put back in the end.
+//! blanked by a screen saver, and not bent by a night light's or colour profile's table on its way
+//! out, which is put back in the end.
 //!
 //! ## When a picture counts as shown
 //! It was presented with vertical synchronisation ("Fifo"), the graphics device has finished
-//! drawing it, and two periods of the monitor's refresh have passed since: the first may still show the
-//! picture before, or a compositor may need it. What no computer is told is how long the projector itself takes
-//! from its input to its light. [`SETTLE_S`] is waited for that, or what the rig file says.
+//! drawing it, and two periods of the monitor's refresh have passed since: the first may still show
+//! the picture before, or a compositor may need it. What no computer is told is how long the
+//! projector itself takes from its input to its light. [`SETTLE_S`] is waited for that, or what the
+//! rig file says.
 
 #[cfg(all(feature = "display", target_os = "linux"))]
 mod desktop;
@@ -94,15 +96,16 @@ pub fn list_monitors(server: Option<&str>) -> Result<Vec<Monitor>, DeviceError> 
 pub fn find_monitor(server: Option<&str>, name: &str) -> Result<Monitor, DeviceError> {
     let monitors = list_monitors(server)?;
     monitors.iter().find(|monitor| monitor.name == name).cloned().ok_or_else(|| {
-        let there: Vec<String> = monitors.iter().map(Monitor::to_string).collect();
-        let there = if there.is_empty() { "none".into() } else { there.join(", ") };
-        DeviceError::NotFound { device: format!("monitor {name:?} (there is {there})") }
+        DeviceError::NoneSuch {
+            device: format!("monitor {name:?}"),
+            there: monitors.iter().map(Monitor::to_string).collect(),
+        }
     })
 }
 
 /// Makes this process the projector's window on the monitor of that name, at the server that
-/// `DISPLAY` names, until standard input
-/// ends. Orders come in on standard input and are answered on standard output.
+/// `DISPLAY` names, until standard input ends. Orders come in on standard input and are answered on
+/// standard output.
 ///
 /// # Errors
 /// No window could be opened; whoever started it was told as well.

@@ -46,11 +46,12 @@ pub struct Display {
 
 impl Display {
     /// Opens a black window that covers the monitor of that name at a server, as in
-    /// [`super::list_monitors`]. After each picture `settle`
-    /// is waited, for the projector's own electronics ([`super::SETTLE_S`]).
+    /// [`super::list_monitors`]. After each picture `settle` is waited, for the projector's own
+    /// electronics ([`super::SETTLE_S`]).
     ///
     /// # Errors
-    /// No X display server, no such monitor (those that there are are listed), or nothing that can draw on it.
+    /// No X display server, no such monitor (those that there are are listed), or nothing that can
+    /// draw on it.
     pub fn open(
         server: Option<&str>,
         monitor: &str,
