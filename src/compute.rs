@@ -1,7 +1,7 @@
 //! What does the work of a solve: the CPU, or a GPU.
 
 use crate::Failure;
-use diffusion::{CpuSolver, Gpu, GpuError, GpuSolver, LinearSolver};
+use diffusion::{CpuSolver, Gpu, GpuSolver, LinearSolver};
 use std::str::FromStr;
 
 /// `--device auto|cpu|gpu[:name]`.
@@ -53,21 +53,6 @@ impl Device {
                 (Box::new(GpuSolver::new(gpu)), name)
             }
         })
-    }
-}
-
-impl From<GpuError> for Failure {
-    fn from(error: GpuError) -> Self {
-        match error {
-            GpuError::NoAdapter { .. } | GpuError::Limit { .. } => {
-                Self::input(error).hint("use --device cpu, or install the GPU's Vulkan driver")
-            }
-            GpuError::OutOfMemory { .. } => Self::input(error)
-                .hint("use --device cpu, or a coarser grid (diaphane init --cells)"),
-            GpuError::Device { .. } | GpuError::Lost { .. } => {
-                Self::other(error).hint("use --device cpu, or try again")
-            }
-        }
     }
 }
 

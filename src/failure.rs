@@ -119,13 +119,41 @@ macro_rules! from_other {
         })*
     };
 }
-from_other!(
-    diffusion::BssrdfError,
-    diffusion::InverseError,
-    diffusion::SolveError,
-    renderer::RelightError,
-    rig::DeviceError,
-);
+from_other!(diffusion::BssrdfError, renderer::RelightError, rig::DeviceError,);
+
+impl From<diffusion::GpuError> for Failure {
+    fn from(error: diffusion::GpuError) -> Self {
+        use diffusion::GpuError as E;
+        match error {
+            E::NoAdapter { .. } | E::Limit { .. } => {
+                Self::input(error).hint("use --device cpu, or install the GPU's Vulkan driver")
+            }
+            E::OutOfMemory { .. } => Self::input(error)
+                .hint("use --device cpu, or a coarser grid (diaphane init --cells)"),
+            E::Device { .. } | E::Lost { .. } => {
+                Self::other(error).hint("use --device cpu, or try again")
+            }
+        }
+    }
+}
+
+impl From<diffusion::SolveError> for Failure {
+    fn from(error: diffusion::SolveError) -> Self {
+        match error {
+            diffusion::SolveError::Gpu(error) => error.into(),
+            other => Self::other(other),
+        }
+    }
+}
+
+impl From<diffusion::InverseError> for Failure {
+    fn from(error: diffusion::InverseError) -> Self {
+        match error {
+            diffusion::InverseError::Solve(error) => error.into(),
+            other => Self::other(other),
+        }
+    }
+}
 
 impl From<rig::RunError> for Failure {
     fn from(error: rig::RunError) -> Self {

@@ -166,11 +166,42 @@ fn wrong_input_is_named() {
     assert!(json(&run)["error"].as_str().unwrap().contains("p.npz"));
 
     save(&input, &problem("q"));
-    for (flags, word) in [(["--device", "gpu"], "CPU"), (["--rtol", "0"], "rtol")] {
+    for (flags, word) in [
+        (["--device", "gpu:no such"], "\"no such\""),
+        (["--device", "cuda"], "gpu:NAME"),
+        (["--rtol", "0"], "rtol"),
+    ] {
         let run = forward(&input, &output, &flags);
         assert_eq!(run.status.code(), Some(2));
         assert!(json(&run)["error"].as_str().unwrap().contains(word));
         assert!(!output.exists());
+    }
+}
+
+/// The answer of a GPU is the CPU's within what both residuals leave: a condition number below 100
+/// times 1e-6.
+#[test]
+fn a_gpu_gives_the_same_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("p.npz"), folder.path().join("phi.npz"));
+    save(&input, &problem("q"));
+    let mut answers = Vec::new();
+    for device in ["cpu", "gpu"] {
+        let run = forward(&input, &output, &["--device", device, "--force"]);
+        let said = json(&run);
+        if device == "gpu" && said["hint"].to_string().contains("driver") {
+            println!("SKIPPED: {}", said["error"]);
+            return;
+        }
+        assert!(run.status.success(), "{said}");
+        println!("{device}: {}", said["device"]);
+        assert_eq!(said["device"] == "CPU", device == "cpu");
+        let mut npz = NpzReader::open(&output).unwrap();
+        answers.push(npz.array_f64("phi").unwrap().data);
+    }
+    let largest = answers[0].iter().fold(0.0f64, |a, v| a.max(v.abs()));
+    for (cpu, gpu) in answers[0].iter().zip(&answers[1]) {
+        assert!((cpu - gpu).abs() < 1e-4 * largest, "{cpu} {gpu}");
     }
 }
 
