@@ -28,6 +28,9 @@ impl FromStr for Device {
     }
 }
 
+/// The least relative residual that single precision reaches on any block, with some to spare.
+const SINGLE: f64 = 3e-7;
+
 impl Device {
     /// The GPU to work on; `None` stands for the CPU.
     ///
@@ -41,12 +44,16 @@ impl Device {
         }
     }
 
-    /// A solver on it, and its name.
+    /// A solver for a relative residual, and the name of what it works on.
     ///
     /// # Errors
     /// As [`Device::gpu`].
-    pub fn solver(&self) -> Result<(Box<dyn LinearSolver>, String), Failure> {
-        Ok(match self.gpu()? {
+    pub fn solver(&self, tolerance: f64) -> Result<(Box<dyn LinearSolver>, String), Failure> {
+        let gpu = match self {
+            Self::Auto if tolerance < SINGLE => None,
+            device => device.gpu()?,
+        };
+        Ok(match gpu {
             None => (Box::new(CpuSolver::<f32>::new()), "CPU".into()),
             Some(gpu) => {
                 let name = gpu.name().to_owned();

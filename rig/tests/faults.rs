@@ -271,13 +271,18 @@ fn a_full_disk_is_waited_for_before_anything_is_written() {
     assert_eq!(last_status(folder.path()), StopStatus::Failed);
     assert!(files(folder.path()).is_empty());
 
-    // Whoever waits for space can be asked to stop.
-    let waiting = RunOptions { space_wait: Duration::from_secs(600), ..options };
-    let outcome = run(&plan(), &mut fake().0, folder.path(), waiting, &mut |p| {
-        stop.store(matches!(p.step, Step::Waiting { .. }), Ordering::Relaxed);
-    });
-    assert_eq!(outcome.unwrap(), Outcome { taken: 0, kept: 0, missing: FRAMES });
-    assert_eq!(last_status(folder.path()), StopStatus::Stopped);
+    // Whoever waits for space can be asked to stop, by either flag.
+    let other = AtomicBool::new(false);
+    let waiting =
+        RunOptions { space_wait: Duration::from_secs(600), other_stop: Some(&other), ..options };
+    for flag in [&stop, &other] {
+        let outcome = run(&plan(), &mut fake().0, folder.path(), waiting, &mut |p| {
+            flag.store(matches!(p.step, Step::Waiting { .. }), Ordering::Relaxed);
+        });
+        assert_eq!(outcome.unwrap(), Outcome { taken: 0, kept: 0, missing: FRAMES });
+        assert_eq!(last_status(folder.path()), StopStatus::Stopped);
+        flag.store(false, Ordering::Relaxed);
+    }
 }
 
 /// The disk of this machine, as the system tells it: `df` is the other witness.

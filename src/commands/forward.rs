@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let Problem { medium, optics, light } = read(&args.input)?;
     let grid = *medium.grid();
 
-    let (mut solver, device) = args.device.solver()?;
+    let (mut solver, device) = args.device.solver(args.rtol)?;
     let started = Instant::now();
     let mut forward = Forward::new(medium, &optics, &mut solver)?;
     let mut fluence = Batch::zeros(grid.len(), light.count());

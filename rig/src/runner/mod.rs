@@ -10,7 +10,6 @@ mod writer;
 
 use std::collections::{HashMap, VecDeque};
 use std::path::Path;
-use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -164,7 +163,7 @@ impl Run<'_, '_> {
                     number += 1;
                     let kept = self.is_there(shot, exposure_index, repeat)?;
                     if !kept {
-                        if self.options.stop.load(Ordering::Relaxed) {
+                        if self.options.stopped() {
                             outcome.missing += 1;
                             continue;
                         }
@@ -173,7 +172,7 @@ impl Run<'_, '_> {
                             if !self.settle(&mut outcome, 0) {
                                 return Ok(outcome);
                             }
-                            if self.options.stop.load(Ordering::Relaxed) {
+                            if self.options.stopped() {
                                 outcome.missing += 1;
                                 continue;
                             }
@@ -352,7 +351,7 @@ impl Run<'_, '_> {
                 self.tell(outcome, &shot.name, Step::Waiting { free, needed });
                 told = Some(free);
             }
-            if self.options.stop.load(Ordering::Relaxed) {
+            if self.options.stopped() {
                 return Ok(false);
             }
             if began.elapsed() >= self.options.space_wait {
@@ -383,14 +382,14 @@ impl Run<'_, '_> {
                 kind if kind.is_gone() => RECONNECTIONS,
                 _ => 1,
             };
-            if attempt >= attempts || self.options.stop.load(Ordering::Relaxed) {
+            if attempt >= attempts || self.options.stopped() {
                 return Err(RunError::Device { shot: shot.name.clone(), source });
             }
             let text = format!("shot {:?}, attempt {attempt}: {source}", shot.name);
             append(self.journal, Event::Note { text: text.clone() })?;
             self.tell(outcome, &shot.name, Step::Retried(text));
             let until = Instant::now() + wait;
-            while Instant::now() < until && !self.options.stop.load(Ordering::Relaxed) {
+            while Instant::now() < until && !self.options.stopped() {
                 std::thread::sleep(BLINK.min(until.saturating_duration_since(Instant::now())));
             }
             wait *= 2;

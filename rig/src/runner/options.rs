@@ -1,7 +1,7 @@
 //! What a run is told.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,9 @@ use crate::{FaceMap, PixelRect};
 pub struct RunOptions<'a> {
     /// Set by somebody else, to end the run after the frame it is taking.
     pub stop: &'a AtomicBool,
+    /// Another that does the same: a caller that ends a run from within has its own beside the
+    /// one that Ctrl-C sets.
+    pub other_stop: Option<&'a AtomicBool>,
     /// Where projector pixels fall on the lit face; needed for patterns on the face.
     pub face_map: Option<FaceMap<'a>>,
     /// What tells of a drifting lamp or lens, if the rig has it.
@@ -30,12 +33,19 @@ impl<'a> RunOptions<'a> {
     pub fn new(stop: &'a AtomicBool) -> Self {
         Self {
             stop,
+            other_stop: None,
             face_map: None,
             patch: None,
             retry_wait: Duration::from_millis(200),
             space_wait: Duration::from_secs(600),
             free_bytes: &free_bytes,
         }
+    }
+
+    /// Whether somebody wants the run to end.
+    pub(super) fn stopped(&self) -> bool {
+        let set = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
+        set(self.stop) || self.other_stop.is_some_and(set)
     }
 }
 

@@ -31,13 +31,11 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
     let mut complaints = Vec::new();
     loop {
         let stop = AtomicBool::new(false);
-        let options = RunOptions::new(&stop);
+        // Ctrl-C is seen at once, in a wait too; the other flag is this loop's own.
+        let options = RunOptions { other_stop: Some(&stop), ..RunOptions::new(&STOP) };
         let mut bad: Option<(&Shot, String)> = None;
         let mut broken = None;
         let outcome = rig::run(&plan, rig, session.folder(), options, &mut |p| {
-            if STOP.load(Ordering::Relaxed) {
-                stop.store(true, Ordering::Relaxed);
-            }
             if let Some(remark) = remark(&p) {
                 eprintln!("{remark}");
             }
