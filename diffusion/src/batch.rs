@@ -22,6 +22,11 @@ impl Batch {
         Self { cells, count, lanes, data: vec![0.0; blocks * cells * lanes] }
     }
 
+    /// Sets everything to 0.
+    pub fn clear(&mut self) {
+        self.data.fill(0.0);
+    }
+
     /// Cells of each field.
     pub fn cells(&self) -> usize {
         self.cells

@@ -25,8 +25,8 @@ pub use forward::Forward;
 pub use gpu::{Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
-    Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError, Method,
-    Observer, Progress, Stage, Work, invert, invert_on_gpu,
+    Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError,
+    Method, Observer, Progress, Stage, Work, evaluate, evaluate_on_gpu, invert, invert_on_gpu,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

@@ -96,6 +96,7 @@ fn any_grid_reaches_the_residual() {
     let Some(gpu) = gpu() else { return };
     let mut rng = ChaCha8Rng::seed_from_u64(SEED + 1);
     let mut solver = GpuSolver::new(gpu);
+    let mut cpu = CpuSolver::<f32>::new();
     for cells in [[2, 2, 2], [4, 4, 4], [3, 2, 5], [2, 2, 33], [65, 2, 3], [70, 3, 9], [33, 32, 31]]
     {
         let medium = rough(cells, 20.0, &mut rng);
@@ -112,7 +113,13 @@ fn any_grid_reaches_the_residual() {
             let mut x = Batch::zeros(operator.len(), count);
             let report =
                 solver.solve(&b, &mut x, 1e-6).unwrap_or_else(|e| panic!("{cells:?}: {e}"));
-            assert!(report.iterations <= 12, "{cells:?}: {} iterations", report.iterations);
+            // The same cycle as the CPU's: its iterations, and one for the residual's rounding. A
+            // smoother with a wrong weight takes more.
+            cpu.prepare(operator.clone()).unwrap();
+            let mut y = Batch::zeros(operator.len(), count);
+            let theirs = cpu.solve(&b, &mut y, 1e-6).unwrap().iterations;
+            println!("{cells:?} x {count}: {} iterations, the CPU {theirs}", report.iterations);
+            assert!(report.iterations <= theirs + 1, "{cells:?}: {} iterations", report.iterations);
             let r = operator.residual(&b, &x);
             let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
             for field in 0..count {

@@ -2,7 +2,9 @@
 
 use super::GpuError;
 use super::kernels::{Kernel, Pipelines};
+use super::level::{Level, whole};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 /// Storage buffers that a kernel sees at most: a level's four and eight of its own.
@@ -99,6 +101,33 @@ impl Gpu {
     pub fn largest_binding(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Bytes a second of y += f x, the bound of everything that is done here.
+    ///
+    /// # Errors
+    /// The device was lost, or has not the memory for two arrays.
+    pub fn bandwidth(&self) -> Result<f64, GpuError> {
+        const PASSES: usize = 50;
+        // 256 MB each where a binding may be that large: far beyond any cache.
+        let len = (self.largest_binding() / 4).min(1 << 26) as usize;
+        let small = Level::new(self, [2; 3], [2; 3], 1);
+        let (x, y, factor) = self.allocating(
+            || (self.buffer(len), self.buffer(len), self.buffer(1)),
+            || GpuError::Device { adapter: self.name().into(), message: "out of memory".into() },
+        )?;
+        self.write(&factor, &[0.5]);
+        let fields = [&factor, &x, &y].map(whole);
+        let pass = self.pass(Kernel::AddScaled, &small.group, fields, [8192, 1, 1]);
+        let mut best = f64::INFINITY;
+        for passes in [1, PASSES / 10, PASSES] {
+            let mut encoder = self.encoder();
+            self.record(&mut encoder, std::iter::repeat_n(&pass, passes));
+            let began = Instant::now();
+            self.submit_and_read(encoder, &factor, 1)?;
+            best = best.min(began.elapsed().as_secs_f64() / passes as f64);
+        }
+        Ok(3.0 * 4.0 * len as f64 / best)
     }
 
     /// An uninitialised buffer of `len` values of four bytes.

@@ -39,7 +39,7 @@ pub(crate) struct Hierarchy {
 }
 
 impl Level {
-    fn new(gpu: &Gpu, cells: [usize; 3], coarse: [usize; 3], quads: usize) -> Self {
+    pub fn new(gpu: &Gpu, cells: [usize; 3], coarse: [usize; 3], quads: usize) -> Self {
         let [nx, ny, nz] = cells;
         let faces = std::array::from_fn(|a| gpu.buffer(face_count(cells, a)));
         let absorption = gpu.buffer(nx * ny * nz);

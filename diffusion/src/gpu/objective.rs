@@ -353,6 +353,12 @@ impl Objective for GpuObjective {
         (sums.map_or(f64::NAN, |t| f64::from(t[8]) + f64::from(t[9])), out)
     }
 
+    fn forget(&mut self) {
+        for patterns in &self.patterns {
+            self.clear(&[&patterns.fluence.high, &patterns.adjoint.high]);
+        }
+    }
+
     fn work(&self) -> Work {
         self.work
     }

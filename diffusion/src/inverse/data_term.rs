@@ -161,6 +161,11 @@ impl<S: LinearSolver> Objective for LogObjective<'_, S> {
         (value, gradient)
     }
 
+    fn forget(&mut self) {
+        self.data.fluence.clear();
+        self.data.adjoint.clear();
+    }
+
     fn work(&self) -> Work {
         self.data.work
     }

@@ -1,6 +1,7 @@
 //! From images to coefficients: κ and μ of every cell of one channel.
 
 mod data_term;
+mod evaluate;
 mod homogeneous;
 mod lbfgs;
 mod measurement;
@@ -11,6 +12,7 @@ mod volume;
 mod work;
 
 pub(crate) use data_term::WithSolver;
+pub use evaluate::{Evaluation, evaluate, evaluate_on_gpu};
 pub use measurement::{Measurement, MeasurementError};
 pub(crate) use objective::{Device, Misfit, Objective, Problem, RANGE, Vector};
 pub(crate) use smoothness::step_weights;

@@ -82,6 +82,9 @@ pub(crate) trait Objective {
     /// R(u) and ∂R/∂u. No solves.
     fn smoothness(&mut self, u: &Self::Vector) -> (f64, Self::Vector);
 
+    /// Forgets the last fluences: the next solves begin from nothing.
+    fn forget(&mut self);
+
     /// What has been done since this objective was made, in its own cells.
     fn work(&self) -> Work;
 }

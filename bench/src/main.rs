@@ -1,0 +1,103 @@
+//! `diaphane-bench`: forward, gradient and inverse on the four grids of W08 Table II, beside the
+//! bandwidth of the memory that they are bound by.
+//!
+//! It needs nothing but a Vulkan driver (or none, for `--device cpu`), so that it can be copied to
+//! a machine and run there.
+
+mod bandwidth;
+mod block;
+mod measure;
+
+use clap::Parser;
+use diffusion::Gpu;
+use measure::{Bench, Row};
+use serde_json::json;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// How fast forward, gradient and inverse are on this machine
+///
+/// On each grid: a forward solve of 16 right-hand sides to a residual of 1e-6, set-up included; the
+/// gradient (adjoint solve and contraction); and a whole inverse solve of three channels to the
+/// noise of its images, which come from a grid twice as fine. The bound is what the memory allows
+/// at the number of iterations that were needed.
+#[derive(Parser)]
+#[command(
+    version,
+    after_help = "Examples:\n  diaphane-bench\n  diaphane-bench --device cpu --grids 1 --json"
+)]
+struct Args {
+    /// What does the work: gpu, gpu:NAME or cpu
+    #[arg(long, default_value = "gpu")]
+    device: String,
+    /// How many of the four grids, smallest first
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=4))]
+    grids: u8,
+    /// Leave the inverse solves out
+    #[arg(long)]
+    no_inverse: bool,
+    /// Seconds after which no further grid is begun
+    #[arg(long, default_value_t = 480.0)]
+    limit: f64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("diaphane-bench: {message}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), String> {
+    let gpu = match args.device.split_once(':') {
+        None if args.device == "cpu" => None,
+        None if args.device == "gpu" => Some(Gpu::open(None).map_err(|e| e.to_string())?),
+        Some(("gpu", name)) => Some(Gpu::open(Some(name)).map_err(|e| e.to_string())?),
+        _ => return Err(format!("--device: expected cpu, gpu or gpu:NAME, found {}", args.device)),
+    };
+    let device = gpu.as_ref().map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
+    let bandwidth = match &gpu {
+        None => bandwidth::of_cpu(),
+        Some(gpu) => gpu.bandwidth().map_err(|e| e.to_string())?,
+    };
+    if !args.json {
+        println!("{device}: {:.0} GB/s", bandwidth / 1e9);
+        println!("{}", Row::HEADINGS);
+    }
+    let began = Instant::now();
+    let limit = Duration::try_from_secs_f64(args.limit).map_err(|e| format!("--limit: {e}"))?;
+    let mut bench = Bench::new(gpu, bandwidth);
+    let mut samples: Vec<_> = block::TABLE_II.iter().collect();
+    samples.sort_by_key(|s| s.cells.iter().product::<usize>());
+    let mut rows = Vec::new();
+    for sample in samples.into_iter().take(args.grids.into()) {
+        if began.elapsed() > limit {
+            eprintln!("{:?} and what is larger left out: {} s are over", sample.cells, args.limit);
+            break;
+        }
+        let row = bench.row(sample, !args.no_inverse)?;
+        if !args.json {
+            println!("{row}");
+        }
+        rows.push(row.json());
+    }
+    if args.json {
+        let threads = rayon::current_num_threads();
+        let out = json!({
+            "device": device,
+            "threads": threads,
+            "bandwidth_bytes_per_s": bandwidth,
+            "seed": measure::SEED,
+            "grids": rows,
+        });
+        println!("{out:#}");
+    }
+    Ok(())
+}
