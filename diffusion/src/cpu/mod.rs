@@ -178,3 +178,12 @@ fn norms<const L: usize>(values: &[[f64; L]]) -> [f64; L] {
     }
     total.map(f64::sqrt)
 }
+
+/// One V-cycle on a block of 16 fields, for whoever has another to compare with it.
+#[cfg(test)]
+pub(crate) fn v_cycle(operator: &Operator, r: &[[f32; 16]]) -> Vec<[f32; 16]> {
+    let hierarchy = Hierarchy::new(operator);
+    let mut cycle = multigrid::VCycle::new(&hierarchy);
+    cycle.apply(&hierarchy, r);
+    cycle.answer().to_vec()
+}

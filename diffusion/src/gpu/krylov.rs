@@ -136,6 +136,15 @@ impl Krylov {
         System { fold, high, begin, residual_of_high, residual_of_both, iterations, expected }
     }
 
+    /// One V-cycle on what `r` is given; its answer.
+    #[cfg(test)]
+    pub fn v_cycle(&self, gpu: &Gpu, r: &[f32]) -> Result<Vec<f32>, GpuError> {
+        gpu.write(&self.r, r);
+        let mut encoder = gpu.encoder();
+        gpu.record(&mut encoder, self.cycle.passes());
+        gpu.submit_and_read(encoder, self.cycle.answer(), r.len())
+    }
+
     /// Bytes that the work space and `systems` solutions take, those of the hierarchy included.
     pub fn bytes(cells: usize, quads: usize, systems: usize) -> u64 {
         // Five vectors here, x and half-way of the finest level, three of all coarser ones (1/7 of

@@ -68,7 +68,7 @@ impl GpuSolver {
             self.space = Some(Space::new(&self.gpu, operator, quads)?);
         }
         if let Some(space) = self.space.as_mut().filter(|space| !space.current) {
-            space.upload(&self.gpu, operator);
+            upload(&self.gpu, &space.hierarchy, operator);
             space.current = true;
         }
         Ok(())
@@ -110,18 +110,19 @@ impl Space {
         )?;
         Ok(Self { cells, spacing_mm, quads, hierarchy, krylov, system, current: false })
     }
+}
 
-    fn upload(&self, gpu: &Gpu, operator: &Operator) {
-        let finest = &self.hierarchy.levels[0];
-        for axis in 0..3 {
-            gpu.write(&finest.faces[axis], &face_conductances(operator, axis));
-        }
-        let absorption: Vec<f32> = operator.absorption.iter().map(|a| *a as f32).collect();
-        gpu.write(&finest.absorption, &absorption);
-        let mut encoder = gpu.encoder();
-        gpu.record(&mut encoder, self.hierarchy.set_up());
-        gpu.queue.submit([encoder.finish()]);
+/// Brings an operator to the finest level, and all others up to date.
+fn upload(gpu: &Gpu, hierarchy: &Hierarchy, operator: &Operator) {
+    let finest = &hierarchy.levels[0];
+    for axis in 0..3 {
+        gpu.write(&finest.faces[axis], &face_conductances(operator, axis));
     }
+    let absorption: Vec<f32> = operator.absorption.iter().map(|a| *a as f32).collect();
+    gpu.write(&finest.absorption, &absorption);
+    let mut encoder = gpu.encoder();
+    gpu.record(&mut encoder, hierarchy.set_up());
+    gpu.queue.submit([encoder.finish()]);
 }
 
 /// The conductances across all faces of an axis, in the order of level.wgsl.

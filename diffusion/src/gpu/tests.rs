@@ -1,9 +1,11 @@
 //! The objective on the GPU against the one on the CPU: kernels of the inverse problem and their
 //! twins.
 
-use super::{Gpu, OnGpu};
+use super::krylov::Krylov;
+use super::level::Hierarchy;
+use super::{Gpu, OnGpu, upload};
 use crate::inverse::{Device, Objective, Problem, Vector, WithSolver};
-use crate::{Batch, CpuSolver, Forward, Illuminations, Measurement, Medium};
+use crate::{Batch, CpuSolver, Forward, Illuminations, Measurement, Medium, Operator, cpu};
 use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -113,6 +115,31 @@ fn objective_is_its_twin_under_every_convention() {
                 agree(&gpu, &problem([9, 7, 6], count, optics, face, gain), &what);
             }
         }
+    }
+}
+
+/// The preconditioner, kernel by kernel the CPU's: a conjugate gradient would hide a smoother with
+/// a wrong weight behind an iteration more. Both are in single precision, six levels deep.
+#[test]
+fn v_cycle_is_its_twin() {
+    let Some(gpu) = gpu() else { return };
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED + 3);
+    for (cells, spacing) in [([4, 4, 4], 1.0), ([21, 18, 13], 1.0), ([40, 9, 17], 0.3)] {
+        let grid = Grid::new(cells, [1.0, 1.0, spacing]).unwrap();
+        let medium = rough(grid, 0.3, 0.02, &mut rng);
+        let operator = Operator::new(&medium, &Optics::from_eta(1.3)).rounded();
+        let r: Vec<[f32; 16]> =
+            (0..grid.len()).map(|_| std::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
+        let expected = cpu::v_cycle(&operator, &r);
+        let hierarchy = Hierarchy::new(&gpu, cells, grid.spacing_mm(), 4);
+        let krylov = Krylov::new(&gpu, &hierarchy, 4);
+        upload(&gpu, &hierarchy, &operator);
+        let found = krylov.v_cycle(&gpu, r.as_flattened()).unwrap();
+        let expected = expected.as_flattened();
+        let largest = expected.iter().fold(0.0f32, |a, v| a.max(v.abs()));
+        let off = found.iter().zip(expected).map(|(f, e)| (f - e).abs()).fold(0.0, f32::max);
+        println!("{cells:?}: off by {:.1e} of the largest", off / largest);
+        assert!(off < 1e-5 * largest, "{cells:?}: {:.1e}", off / largest);
     }
 }
 
