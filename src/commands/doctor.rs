@@ -9,13 +9,13 @@ use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
+use diffusion::Gpu;
 use material::{Material, hash_file};
 use rig::devices::camera::CameraDriver;
 use rig::{DeviceErrorKind, Event, free_bytes, read_journal};
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// Check this machine, and a session if one is named
 #[derive(clap::Args)]
@@ -184,29 +184,19 @@ fn writable(folder: &Path) -> Check {
     }
 }
 
+/// Opened, its kernels compiled: what a solve would do.
 fn graphics() -> Check {
-    let loader = Command::new("ldconfig")
-        .arg("-p")
-        .output()
-        .is_ok_and(|out| String::from_utf8_lossy(&out.stdout).contains("libvulkan.so.1"))
-        || ["/usr/lib", "/usr/local/lib", "/lib"]
-            .iter()
-            .any(|d| Path::new(d).join("libvulkan.so.1").exists());
-    let drivers = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
-        .iter()
-        .filter_map(|d| std::fs::read_dir(d).ok())
-        .flatten()
-        .count();
-    let device = std::fs::read_dir("/dev/dri").is_ok_and(|mut d| {
-        d.any(|e| e.is_ok_and(|e| e.file_name().to_string_lossy().starts_with("renderD")))
-    }) || Path::new("/dev/nvidia0").exists();
-    let yes = |there: bool| if there { "found" } else { "not found" };
-    let found = format!(
-        "Vulkan loader {}, {drivers} driver file(s), graphics device {} (looked for, not tried)",
-        yes(loader),
-        yes(device)
-    );
-    Check::note("graphics", found, "not needed: this version computes on the processor")
+    let name = "GPU";
+    match Gpu::open(None) {
+        Ok(gpu) if gpu.is_software() => {
+            let found = format!("none in hardware; {} plays one", gpu.name());
+            Check::note(name, found, "not needed: solves run on the processor")
+        }
+        Ok(gpu) => Check::found(name, gpu.name()),
+        Err(error) => {
+            Check::note(name, error.to_string(), "not needed: solves run on the processor")
+        }
+    }
 }
 
 /// Whether a projector could show pictures.
