@@ -51,7 +51,7 @@ impl Sample {
             let error = format!("session.toml: sample.eta must be at least 1, found {}", self.eta);
             return Err(Failure::input(error));
         }
-        let mut optics = Optics::from_eta(self.eta);
+        let mut optics = Optics::with_boundary(self.eta, self.boundary);
         if let Some(c) = self.boundary_constant {
             if !(c.is_finite() && c > 0.0) {
                 let error =
@@ -60,7 +60,6 @@ impl Sample {
             }
             optics.boundary_constant = c;
         }
-        optics.boundary = self.boundary;
         optics.lateral = self.lateral;
         optics.illumination = self.illumination;
         Ok(optics)
