@@ -9,6 +9,7 @@ mod imperfections;
 mod lens;
 #[cfg(test)]
 mod light_tests;
+mod monte_carlo;
 mod optical_setup;
 mod sample;
 mod scene;
@@ -18,6 +19,7 @@ mod targets;
 
 pub use imperfections::{ColourWheel, ImperfectionError, Imperfections, Lamp, ProjectorResponse};
 pub use lens::Lens;
+pub use monte_carlo::{Balance, MonteCarlo, TransportError, TransportMap};
 pub use optical_setup::OpticalSetup;
 pub use sample::{SampleKind, SampleSpec};
 pub use sensor::{ResponseCurve, Sensor};
