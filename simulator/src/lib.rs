@@ -16,6 +16,7 @@ mod scene;
 mod sensor;
 mod simulated_rig;
 mod targets;
+mod transport;
 
 pub use imperfections::{ColourWheel, ImperfectionError, Imperfections, Lamp, ProjectorResponse};
 pub use lens::Lens;
@@ -25,6 +26,7 @@ pub use sample::{SampleKind, SampleSpec};
 pub use sensor::{ResponseCurve, Sensor};
 pub use simulated_rig::{SimulatedRig, Truth};
 pub use targets::{BOARD_COLUMNS, BOARD_ROWS, ChartPatch, chart_patches};
+pub use transport::Transport;
 
 /// A frame as `calibration` takes it.
 #[cfg(test)]

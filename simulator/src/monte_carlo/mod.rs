@@ -68,6 +68,14 @@ pub enum TransportError {
         /// What was asked for.
         found: u64,
     },
+    /// Nobody waits that long.
+    #[error("at most {most} photons a pattern, found {found}")]
+    TooManyPhotons {
+        /// How many may be asked for.
+        most: u64,
+        /// What was asked for.
+        found: u64,
+    },
 }
 
 /// Radiance of the front face under one pattern.
@@ -124,10 +132,19 @@ impl MonteCarlo {
     /// # Errors
     /// A cell with 3κμ > 1, a mean cosine outside of (−1, 1).
     pub fn new(medium: &Medium, optics: &Optics, anisotropy: f64) -> Result<Self, TransportError> {
+        Self::check(BATCHES, anisotropy)?;
+        Ok(Self { voxels: Voxels::new(medium, anisotropy)?, optics: *optics, anisotropy })
+    }
+
+    /// Whether a block of that mean cosine can be lit by that many photons.
+    pub(crate) fn check(photons: u64, anisotropy: f64) -> Result<(), TransportError> {
         if !(anisotropy > -1.0 && anisotropy < 1.0) {
             return Err(TransportError::Anisotropy { found: anisotropy });
         }
-        Ok(Self { voxels: Voxels::new(medium, anisotropy)?, optics: *optics, anisotropy })
+        if photons < BATCHES {
+            return Err(TransportError::TooFewPhotons { found: photons });
+        }
+        Ok(())
     }
 
     /// Radiance of the front face under every pattern, each from that many photons (rounded up to
@@ -144,9 +161,7 @@ impl MonteCarlo {
         photons: u64,
         seed: [u8; 32],
     ) -> Result<Vec<TransportMap>, TransportError> {
-        if photons < BATCHES {
-            return Err(TransportError::TooFewPhotons { found: photons });
-        }
+        Self::check(photons, self.anisotropy)?;
         let voxels = &self.voxels;
         let c = self.optics.boundary_constant;
         let world = World {
