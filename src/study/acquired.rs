@@ -111,7 +111,8 @@ impl Pictures {
         };
         let fine = case.grid(1)?;
         let optics = Optics::from_eta(eta);
-        let block = MonteCarlo::new(&case.medium(&fine)?, &optics, 0.0).map_err(Failure::other)?;
+        let block =
+            MonteCarlo::new(&case.medium(&fine, 1.0)?, &optics, 0.0).map_err(Failure::other)?;
         let all = light(&fine)?;
         let mut halves = Vec::new();
         for (pattern, map) in all.maps().iter().enumerate() {
@@ -207,7 +208,7 @@ impl Pictures {
             gain: found.gain,
             fit: found.fit,
             chi2: found.chi2,
-            linear_solves: found.linear_solves,
+            linear_solves: found.work.linear_solves,
             mean_relative_rms: errors.sum::<f64>() / held_out.len() as f64,
             held_out,
         })

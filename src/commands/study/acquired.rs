@@ -64,9 +64,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             rows.push(pictures.acquire(cell, |p| {
                 let message = format!(
                     "cells of {cell} mm: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} solves",
-                    p.fit, p.chi2, p.lambda, p.linear_solves
+                    p.fit, p.chi2, p.lambda, p.work.linear_solves
                 );
-                progress.set(p.gradient_evaluations, &message);
+                progress.set(p.work.gradient_evaluations, &message);
                 !STOP.load(Ordering::Relaxed)
             })?);
             progress.finish(&format!("cells of {cell} mm"));

@@ -26,6 +26,10 @@ pub(crate) struct Row {
     pub relative_rms: f64,
     /// The same after that gain.
     pub relative_rms_after_gain: f64,
+    /// The first two with κ = 1/(3(σs' + μ/5)) instead of 1/(3(σs' + μ)): light then fades with
+    /// depth as transport has it (Aronson and Corngold 1999, for isotropic scattering).
+    pub fifth_scale_error: f64,
+    pub fifth_relative_rms: f64,
     /// Noise of Monte Carlo's map, as a share of it.
     pub noise: f64,
     /// Share of the light that leaves through the front face.
@@ -49,14 +53,16 @@ pub(crate) fn measure(case: &Case, photons: u64, seed: u64) -> Result<Row, Failu
     let grid = case.grid(1)?;
     let fine = case.grid(if case.veins { 2 } else { 1 })?;
     let light = |grid: &Grid| Illuminations::new(grid, case.lit, vec![case.region(grid)]);
-    let mut solver = CpuSolver::<f32>::new();
-    let mut forward = Forward::new(case.medium(&grid)?, &optics, &mut solver)?;
     let spot = light(&grid)?;
-    let mut fluence = Batch::zeros(grid.len(), 1);
-    forward.solve(&spot, &mut fluence, 1e-7)?;
-    let diffuse = forward.exit_radiance(&spot, &fluence, Face::Front).swap_remove(0);
+    let diffused = |share: f64| -> Result<Vec<f64>, Failure> {
+        let mut solver = CpuSolver::<f32>::new();
+        let mut forward = Forward::new(case.medium(&grid, share)?, &optics, &mut solver)?;
+        let mut fluence = Batch::zeros(grid.len(), 1);
+        forward.solve(&spot, &mut fluence, 1e-7)?;
+        Ok(forward.exit_radiance(&spot, &fluence, Face::Front).swap_remove(0))
+    };
 
-    let block = MonteCarlo::new(&case.medium(&fine)?, &optics, 0.0).map_err(Failure::other)?;
+    let block = MonteCarlo::new(&case.medium(&fine, 1.0)?, &optics, 0.0).map_err(Failure::other)?;
     let spot_fine = light(&fine)?;
     let half = |number: u8| -> Result<(Vec<f64>, f64), Failure> {
         let mut hash = blake3::Hasher::new();
@@ -70,21 +76,29 @@ pub(crate) fn measure(case: &Case, photons: u64, seed: u64) -> Result<Row, Failu
     // Lit from the front, what is lit directly is masked in a measurement.
     let lit = &spot.maps()[0];
     let seen = |c: &usize| case.lit == Face::Back || lit[*c] == 0.0;
-    let cells: Vec<usize> = (0..diffuse.len()).filter(seen).collect();
+    let cells: Vec<usize> = (0..lit.len()).filter(seen).collect();
     let truth = |c: usize| (a[c] + b[c]) / 2.0;
     let size = norm(cells.iter().map(|&c| truth(c)));
     let noise = norm(cells.iter().map(|&c| (a[c] - b[c]) / 2.0)) / size;
-    let cross: f64 = cells.iter().map(|&c| truth(c) * diffuse[c]).sum();
-    let gain = cross / cells.iter().map(|&c| diffuse[c] * diffuse[c]).sum::<f64>();
-    let rms = |gain: f64| {
-        let all = norm(cells.iter().map(|&c| gain * diffuse[c] - truth(c))) / size;
-        (all * all - noise * noise).max(0.0).sqrt()
+    // Error in scale, root mean square, and that after the gain.
+    let compare = |diffuse: &[f64]| {
+        let cross: f64 = cells.iter().map(|&c| truth(c) * diffuse[c]).sum();
+        let gain = cross / cells.iter().map(|&c| diffuse[c] * diffuse[c]).sum::<f64>();
+        let rms = |gain: f64| {
+            let all = norm(cells.iter().map(|&c| gain * diffuse[c] - truth(c))) / size;
+            (all * all - noise * noise).max(0.0).sqrt()
+        };
+        [gain - 1.0, rms(1.0), rms(gain)]
     };
+    let [scale_error, relative_rms, relative_rms_after_gain] = compare(&diffused(1.0)?);
+    let [fifth_scale_error, fifth_relative_rms, _] = compare(&diffused(0.2)?);
     Ok(Row {
         case: *case,
-        scale_error: gain - 1.0,
-        relative_rms: rms(1.0),
-        relative_rms_after_gain: rms(gain),
+        scale_error,
+        relative_rms,
+        relative_rms_after_gain,
+        fifth_scale_error,
+        fifth_relative_rms,
         noise,
         through,
     })
