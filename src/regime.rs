@@ -117,8 +117,9 @@ mod tests {
     use super::*;
     use material::{Channel, Grid, Optics, Provenance};
 
-    fn slab(thickness: f64, albedo: f64, lit: Face) -> Material {
-        let grid = Grid::new([60, 60, 10], [0.5, 0.5, thickness / 10.0]).unwrap();
+    fn slab(thickness: f64, cell: f64, albedo: f64, lit: Face) -> Material {
+        let cells = (thickness / cell) as usize;
+        let grid = Grid::new([60, 60, cells], [0.5, 0.5, cell]).unwrap();
         let channel = Channel {
             name: "G".into(),
             kappa_mm: vec![1.0 / 3.0; grid.len()],
@@ -149,12 +150,12 @@ mod tests {
 
     #[test]
     fn only_what_is_off_is_warned_of() {
-        assert_eq!(warnings(&slab(8.0, 0.95, Face::Back)).len(), 1);
-        let told = warnings(&slab(20.0, 0.9995, Face::Back));
+        assert_eq!(warnings(&slab(8.0, 0.5, 0.95, Face::Back)).len(), 1);
+        let told = warnings(&slab(20.0, 0.5, 0.9995, Face::Back));
         assert!(told.is_empty(), "{told:?}");
-        let lit = warnings(&slab(20.0, 0.9995, Face::Front));
+        let lit = warnings(&slab(20.0, 0.5, 0.9995, Face::Front));
         assert!(lit.len() == 1 && lit[0].contains("front face"), "{lit:?}");
-        let coarse = slab(15.0, 0.9995, Face::Back);
+        let coarse = slab(15.0, 1.5, 0.9995, Face::Back);
         assert!(warnings(&coarse)[0].contains("cells of 1.5"), "{:?}", warnings(&coarse));
     }
 }
