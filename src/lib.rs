@@ -12,6 +12,7 @@ mod manifest;
 mod measurement;
 mod output;
 mod reading;
+mod regime;
 mod report;
 mod sensor;
 mod session;

@@ -6,7 +6,7 @@ use crate::wheel::KnownWheel;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
 use rig::{Acquisition, Chessboard, ProjectorMethod, SampleScheme};
 use serde::{Deserialize, Serialize};
-use simulator::{Imperfections, SampleSpec, SimulatedRig};
+use simulator::{Imperfections, SampleSpec, SimulatedRig, Transport};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ impl Sample {
             let error = format!("session.toml: sample.eta must be at least 1, found {}", self.eta);
             return Err(Failure::input(error));
         }
-        let mut optics = Optics::from_eta(self.eta);
+        let mut optics = Optics::with_boundary(self.eta, self.boundary);
         if let Some(c) = self.boundary_constant {
             if !(c.is_finite() && c > 0.0) {
                 let error =
@@ -60,7 +60,6 @@ impl Sample {
             }
             optics.boundary_constant = c;
         }
-        optics.boundary = self.boundary;
         optics.lateral = self.lateral;
         optics.illumination = self.illumination;
         Ok(optics)
@@ -83,6 +82,9 @@ pub(crate) enum RigConfig {
         /// What the simulated rig gets wrong.
         #[serde(default, skip_serializing_if = "is_plain")]
         imperfections: Imperfections,
+        /// How light gets through the sample.
+        #[serde(default, skip_serializing_if = "is_diffusion")]
+        transport: Transport,
     },
     /// The devices that the session's `rig.toml` names.
     Devices {
@@ -99,6 +101,10 @@ pub(crate) enum RigConfig {
 
 fn is_plain(imperfections: &Imperfections) -> bool {
     *imperfections == Imperfections::default()
+}
+
+fn is_diffusion(transport: &Transport) -> bool {
+    *transport == Transport::Diffusion
 }
 
 /// What is captured.
@@ -220,8 +226,9 @@ impl Config {
             ));
         }
         match &self.rig {
-            RigConfig::Simulated { board, imperfections, .. } => {
+            RigConfig::Simulated { board, imperfections, transport, .. } => {
                 imperfections.check().map_err(|e| format!("rig.imperfections.{e}"))?;
+                transport.check().map_err(|e| format!("rig.transport: {e}"))?;
                 board.check().map_err(|e| format!("rig.{e}"))?;
             }
             RigConfig::Devices { board, camera, .. } => {
@@ -387,9 +394,9 @@ impl Session {
     /// The simulated rig, if that is what this session has.
     pub fn simulated(&self) -> Result<Option<SimulatedRig>, Failure> {
         match &self.config.rig {
-            RigConfig::Simulated { sample, imperfections, .. } => {
+            RigConfig::Simulated { sample, imperfections, transport, .. } => {
                 let lit_face = self.config.sample.lit_face;
-                Ok(Some(SimulatedRig::with(sample, lit_face, imperfections)?))
+                Ok(Some(SimulatedRig::with(sample, lit_face, imperfections, *transport)?))
             }
             RigConfig::Devices { .. } | RigConfig::Imported => Ok(None),
         }

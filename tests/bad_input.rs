@@ -280,3 +280,39 @@ fn what_is_given_is_judged_before_the_work_and_told_as_it_is() {
     let run = diaphane(points.into_iter().chain(["--plane", &plane, "--size", "640x480"]));
     refused(&run, &["v1.txt", "order"]);
 }
+
+/// The simulated sample's photons: `init --transport` writes them down, and what nobody can follow
+/// is refused by every command that opens the session.
+#[test]
+fn photons_in_session_toml() {
+    let folder = tempdir().unwrap();
+    let session = text(&folder.path().join("wax")).to_owned();
+    assert_eq!(diaphane(["init", &session, "--transport", "monte-carlo"]).code, 0);
+    let file = folder.path().join("wax/session.toml");
+    let written = std::fs::read_to_string(&file).unwrap();
+    assert!(written.contains("[rig.transport.monte-carlo]"), "{written}");
+    assert_eq!(diaphane(["plan", &session]).code, 0);
+    for (line, told) in [
+        ("photons = 3", ["rig.transport", "at least 64", "3"]),
+        ("photons = 900000000000", ["rig.transport", "at most", "900000000000"]),
+        ("photons = -1", ["session.toml", "u64", "-1"]),
+        ("photons = 1000\nanisotropy = 1.0", ["rig.transport", "-1 and 1", "found 1"]),
+        ("colour = 1", ["session.toml", "colour", "photons"]),
+    ] {
+        let mut lines: Vec<&str> = Vec::new();
+        for known in written.lines() {
+            match known.split_once(" = ").map(|(key, _)| key) {
+                Some("photons") => lines.push(line),
+                Some("anisotropy") => {}
+                _ => lines.push(known),
+            }
+        }
+        std::fs::write(&file, lines.join("\n")).unwrap();
+        refused(&diaphane(["plan", &session]), &told);
+    }
+    refused_with_hint(
+        &diaphane(["init", &session, "--transport", "magic"]),
+        &["magic", "monte-carlo"],
+        "--help",
+    );
+}

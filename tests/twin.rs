@@ -10,7 +10,7 @@ use rig::{
     Rig, RigFile, RunOptions, Shot, SimulatedDevices, Target, frame_path, read_frame, run,
 };
 use simulator::devices::{Twin, TwinSpec};
-use simulator::{SampleKind, SampleSpec, SimulatedRig};
+use simulator::{SampleKind, SampleSpec, SimulatedRig, Transport};
 use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -120,7 +120,13 @@ fn frames_through_real_drivers_are_those_of_the_simulated_rig() {
     let (direct, through) = (at("direct"), at("through"));
     capture(&mut SimulatedRig::new(&SAMPLE, Face::Back).unwrap().rig(), &direct);
 
-    let spec = TwinSpec { sample: SAMPLE, lit: Face::Back, monitor: None, folder: at("twin") };
+    let spec = TwinSpec {
+        sample: SAMPLE,
+        lit: Face::Back,
+        transport: Transport::Diffusion,
+        monitor: None,
+        folder: at("twin"),
+    };
     let twin = Twin::start(&spec, Overwrite::Refuse).unwrap();
     let mut file = RigFile::read(twin.rig_file()).unwrap();
     let window = file.projector.display.replace(DisplayConfig::Simulated {}).unwrap();

@@ -27,8 +27,9 @@ impl SurfaceModel {
     /// - `wang2008`: W08 (2), (3): drive 1, L = (C/π) Jₙ.
     /// - `wang2010`: W10 (2), (4): drive 4T/(1 − F_dr), L = T/(4π) [(1 + 1/A) φs − 4q/(1 + F_dr)];
     ///   with φs = Q + 2A Jₙ that is L = T/(π(1 − F_dr)) (Jₙ + q), q = T E.
-    /// - `transport`: the partial-current condition. Diffuse light enters with drive
-    ///   4/(1 − F_dr) times the transmitted irradiance η²(1 − F_dr) E (the η² law), so 4η². A
+    /// - `transport`: the partial-current condition, with C =
+    ///   [`material::partial_current_constant`]. Diffuse light enters with drive 4/(1 − R_φ) times
+    ///   the transmitted irradiance η²(1 − R_φ) E (the η² law), so 4η². A
     ///   collimated beam loses Fresnel's share at normal incidence and becomes the first-scatter
     ///   source. Along the normal the P1 radiance inside is (φs + 3 Jₙ)/(4π) with
     ///   φs = Q + 2C Jₙ; it leaves with Fresnel's transmittance, divided by η².
@@ -79,8 +80,7 @@ mod tests {
     /// two-coefficient form; only rounding separates them.
     #[test]
     fn wang2010_exit_is_equation_4() {
-        let mut optics = Optics::from_eta(1.4);
-        optics.boundary = BoundaryConvention::Wang2010;
+        let optics = Optics::with_boundary(1.4, BoundaryConvention::Wang2010);
         let s = SurfaceModel::new(&optics);
         let (f, a) = (diffuse_reflectance(1.4), optics.boundary_constant);
         let t = 1.0 - normal_reflectance(1.4);

@@ -17,7 +17,7 @@ pub use file_error::FileError;
 pub use grid::{Grid, GridError};
 pub use optics::{
     BoundaryConvention, Face, Illumination, LateralBoundary, Optics, boundary_constant,
-    diffuse_reflectance, normal_reflectance,
+    diffuse_reflectance, normal_reflectance, partial_current_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};
 pub use volume::{Channel, Coefficient, Material, MaterialError};

@@ -12,7 +12,8 @@ use rig::{CodeSequence, PhaseShift, Target};
 /// how far off its projector pixel is, and the 1-sigma that is claimed.
 fn misses(lit: Face, phase: Option<PhaseShift>, imperfections: &Imperfections) -> Vec<(f64, f64)> {
     let sample = SampleSpec { kind: SampleKind::Wax, seed: 3 };
-    let simulated = SimulatedRig::with(&sample, lit, imperfections).unwrap();
+    let simulated =
+        SimulatedRig::with(&sample, lit, imperfections, crate::Transport::Diffusion).unwrap();
     let setup = simulated.truth().setup;
     let mut rig = simulated.rig();
     let target = Target::Sheet { pose: 1 };

@@ -9,20 +9,24 @@ mod imperfections;
 mod lens;
 #[cfg(test)]
 mod light_tests;
+mod monte_carlo;
 mod optical_setup;
 mod sample;
 mod scene;
 mod sensor;
 mod simulated_rig;
 mod targets;
+mod transport;
 
 pub use imperfections::{ColourWheel, ImperfectionError, Imperfections, Lamp, ProjectorResponse};
 pub use lens::Lens;
+pub use monte_carlo::{Balance, MonteCarlo, TransportError, TransportMap};
 pub use optical_setup::OpticalSetup;
 pub use sample::{SampleKind, SampleSpec};
 pub use sensor::{ResponseCurve, Sensor};
 pub use simulated_rig::{SimulatedRig, Truth};
 pub use targets::{BOARD_COLUMNS, BOARD_ROWS, ChartPatch, chart_patches};
+pub use transport::Transport;
 
 /// A frame as `calibration` takes it.
 #[cfg(test)]

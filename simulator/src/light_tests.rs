@@ -13,7 +13,7 @@ fn rig(imperfections: Imperfections) -> Rig {
     let sample = SampleSpec { kind: SampleKind::Wax, seed: 5 };
     // Raw pictures, so that nothing stands between the codes and the light.
     let raw = Imperfections { camera_response: ResponseCurve::Linear, ..imperfections };
-    SimulatedRig::with(&sample, Face::Front, &raw).unwrap().rig()
+    SimulatedRig::with(&sample, Face::Front, &raw, crate::Transport::Diffusion).unwrap().rig()
 }
 
 /// Frame `number` of a plan.

@@ -1,11 +1,9 @@
 //! What the camera sees: radiance of every pixel for a target and a projector image.
 
 use crate::targets::FlatTarget;
-use crate::{Imperfections, OpticalSetup, SampleSpec};
-use diffusion::Batch;
-use diffusion::{
-    CpuSolver, Forward, IlluminationError, Illuminations, Medium, MediumError, SolveError,
-};
+use crate::transport::{LitBlock, Transport};
+use crate::{Imperfections, OpticalSetup, SampleSpec, TransportError};
+use diffusion::{IlluminationError, Medium, MediumError, SolveError};
 use glam::{DVec2, DVec3};
 use material::{Face, Grid, GridError, Optics};
 use rayon::prelude::*;
@@ -34,13 +32,15 @@ pub(crate) enum SceneError {
     Light(#[from] IlluminationError),
     #[error(transparent)]
     Solve(#[from] SolveError),
+    #[error(transparent)]
+    Transport(#[from] TransportError),
 }
 
 /// The sample and the optics around it.
 pub(crate) struct Scene {
     pub setup: OpticalSetup,
-    pub optics: Optics,
-    media: Vec<Medium>,
+    block: LitBlock,
+    seed: u64,
     /// Unit direction of every sub-pixel of the camera.
     rays: Vec<DVec3>,
     /// Light of the projector at each input byte.
@@ -56,6 +56,7 @@ impl Scene {
         lit: Face,
         rig: &Imperfections,
         refinement: usize,
+        transport: Transport,
     ) -> Result<Self, SceneError> {
         let coarse = sample.solved_grid();
         let fine = Grid::new(
@@ -63,6 +64,7 @@ impl Scene {
             coarse.spacing_mm().map(|h| h / refinement as f64),
         )?;
         let media = (0..3).map(|c| sample.medium(&fine, c)).collect::<Result<_, _>>()?;
+        let block = LitBlock::new(media, Optics::from_eta(sample.eta()), lit, transport)?;
         let setup = OpticalSetup::new(sample, lit, rig);
         let [width, height] = setup.camera.size;
         let rays = (0..height)
@@ -72,8 +74,8 @@ impl Scene {
             .collect();
         Ok(Self {
             setup,
-            optics: Optics::from_eta(sample.eta()),
-            media,
+            block,
+            seed: sample.seed,
             rays,
             light: rig.projector_light(),
             vignette: rig.vignette,
@@ -82,7 +84,12 @@ impl Scene {
 
     /// True coefficients, one medium a channel, on the fine grid.
     pub fn media(&self) -> &[Medium] {
-        &self.media
+        self.block.media()
+    }
+
+    /// How light gets in and out.
+    pub fn optics(&self) -> Optics {
+        *self.block.optics()
     }
 
     /// Radiance of every camera pixel, three interleaved channels.
@@ -106,8 +113,11 @@ impl Scene {
     }
 
     fn render_sample(&self, image: &ProjectorImage) -> Result<Vec<f32>, SceneError> {
-        let exit = self.exit_radiance(image)?;
-        let grid = self.media[0].grid();
+        let mut hash = blake3::Hasher::new();
+        hash.update(b"photons").update(&self.seed.to_le_bytes()).update(&image.data);
+        let seed = *hash.finalize().as_bytes();
+        let exit = self.block.exit_radiance(|| self.face_irradiance(image), seed)?;
+        let grid = self.media()[0].grid();
         let [nx, ny, _] = grid.cells();
         let [hx, hy, _] = grid.spacing_mm();
         let camera = self.setup.camera.position;
@@ -131,27 +141,9 @@ impl Scene {
         }))
     }
 
-    /// Exit radiance of the front face on the fine grid, one map a channel.
-    fn exit_radiance(&self, image: &ProjectorImage) -> Result<Vec<Vec<f64>>, SceneError> {
-        let grid = *self.media[0].grid();
-        let face = self.setup.lit_face;
-        let irradiance = self.face_irradiance(image);
-        let one = |channel: usize| -> Result<Vec<f64>, SceneError> {
-            let (medium, own) = (&self.media[channel], irradiance.iter().map(|e| e[channel]));
-            let light = Illuminations::new(&grid, face, vec![own.collect()])?;
-            let mut solver = CpuSolver::<f32>::new();
-            let mut forward = Forward::new(medium.clone(), &self.optics, &mut solver)?;
-            let mut fluence = Batch::zeros(grid.len(), 1);
-            // A tenth of the noise of the best pixel of a bracket.
-            forward.solve(&light, &mut fluence, 1e-6)?;
-            Ok(forward.exit_radiance(&light, &fluence, Face::Front).swap_remove(0))
-        };
-        (0..self.media.len()).map(one).collect()
-    }
-
     /// Irradiance of the lit face's fine cells, red, green and blue.
     fn face_irradiance(&self, image: &ProjectorImage) -> Vec<[f64; 3]> {
-        let grid = self.media[0].grid();
+        let grid = self.media()[0].grid();
         let [nx, _, _] = grid.cells();
         let [hx, hy, _] = grid.spacing_mm();
         let z = match self.setup.lit_face {

@@ -2,7 +2,9 @@
 
 use crate::scene::{Scene, SceneError};
 use crate::targets::square_mm;
-use crate::{BOARD_COLUMNS, BOARD_ROWS, Imperfections, OpticalSetup, SampleSpec, Sensor};
+use crate::{
+    BOARD_COLUMNS, BOARD_ROWS, Imperfections, OpticalSetup, SampleSpec, Sensor, Transport,
+};
 use diffusion::Medium;
 use material::{Face, Optics};
 use rig::{
@@ -23,7 +25,7 @@ pub struct SimulatedRig {
 pub struct Truth {
     /// True coefficients of red, green and blue.
     pub media: Vec<Medium>,
-    /// The convention under which light was transported.
+    /// How light gets in and out; where it is simulated by diffusion, the convention too.
     pub optics: Optics,
     /// Where camera and projector are, and their lenses.
     pub setup: OpticalSetup,
@@ -59,20 +61,24 @@ impl SimulatedRig {
     /// # Errors
     /// The sample's coefficients make no medium; the built-in samples always do.
     pub fn new(sample: &SampleSpec, lit: Face) -> Result<Self, DeviceError> {
-        Self::with(sample, lit, &Imperfections::default())
+        Self::with(sample, lit, &Imperfections::default(), Transport::default())
     }
 
-    /// As [`SimulatedRig::new`], with another projector, lamp or camera.
+    /// As [`SimulatedRig::new`], with another projector, lamp or camera, and with the light's way
+    /// through the sample simulated otherwise.
     ///
     /// # Errors
-    /// As there, and imperfections that no rig can have.
+    /// As there, and imperfections that no rig can have; too few photons.
     pub fn with(
         sample: &SampleSpec,
         lit: Face,
         imperfections: &Imperfections,
+        transport: Transport,
     ) -> Result<Self, DeviceError> {
         imperfections.check().map_err(unsupported)?;
-        let scene = Scene::new(sample, lit, imperfections, REFINEMENT).map_err(failed)?;
+        transport.check().map_err(unsupported)?;
+        let scene =
+            Scene::new(sample, lit, imperfections, REFINEMENT, transport).map_err(failed)?;
         let [width, height] = scene.setup.projector.size;
         let image = ProjectorImage { width, height, data: vec![0; (width * height) as usize] };
         let state = State { target: Target::Sample, image, rendered: None, frame: 0, repeat: 0 };
@@ -131,7 +137,7 @@ impl SimulatedRig {
         let World { scene, imperfections, .. } = &*self.world;
         Truth {
             media: scene.media().to_vec(),
-            optics: scene.optics,
+            optics: scene.optics(),
             setup: scene.setup,
             imperfections: imperfections.clone(),
         }

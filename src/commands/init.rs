@@ -12,13 +12,14 @@ use calibration::{Board, NoiseModel};
 use clap::ValueEnum;
 use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite, atomic_copy};
 use serde_json::json;
-use simulator::{Imperfections, SampleKind, SampleSpec, SimulatedRig};
+use simulator::{Imperfections, SampleKind, SampleSpec, SimulatedRig, Transport};
 use std::path::PathBuf;
 
 /// Make a session: on the simulated rig, or with --rig on one of devices
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  diaphane init my-wax --sample wax --seed 1\n  diaphane init next-wax --light my-wax\n  diaphane init quick-wax --brackets adaptive\n  \
+    diaphane init true-wax --transport monte-carlo\n  \
     diaphane init my-marble --rig rig.toml --size 80x80x12 --cells 160x160x24 --board 9x6 --square 10"
 )]
 pub(crate) struct Args {
@@ -54,6 +55,24 @@ pub(crate) struct SimulatedArgs {
     /// The face that the projector lights
     #[arg(long, value_enum, default_value = "back")]
     pub lit: LitFace,
+    /// How light gets through the simulated sample: as the solver has it, or photon by photon
+    #[arg(long, value_enum, default_value = "diffusion")]
+    pub transport: TransportName,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum TransportName {
+    Diffusion,
+    MonteCarlo,
+}
+
+impl From<TransportName> for Transport {
+    fn from(name: TransportName) -> Self {
+        match name {
+            TransportName::Diffusion => Self::Diffusion,
+            TransportName::MonteCarlo => Self::monte_carlo(),
+        }
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -115,6 +134,7 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
                 saturation: 0.995 * sensor.full_scale(),
             },
             imperfections: Imperfections::default(),
+            transport: args.transport.into(),
         },
         plan: PlanConfig {
             projector_px: rig.projector_px(),

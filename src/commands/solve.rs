@@ -5,6 +5,7 @@ use crate::adaptive::CHOICE;
 use crate::cli::STOP;
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
+use crate::regime;
 use crate::session::Session;
 use clap::ValueEnum;
 use diffusion::{
@@ -104,6 +105,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             c.channel, c.fit, c.lambda, c.gradient_evaluations, c.linear_solves
         );
     }
+    let doubts = regime::warnings(&Material::load(&session.path(MATERIAL))?);
+    doubts.iter().for_each(|doubt| text += &format!("{doubt}\n"));
     let sum =
         |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
     text += &format!(
@@ -122,6 +125,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "lambda": lambda,
         "material": session.path(MATERIAL),
         "channels": result.channels,
+        "model_warnings": doubts,
     });
     Ok(Done::new(json, text))
 }

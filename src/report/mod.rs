@@ -64,6 +64,10 @@ pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failu
         Some(verdict) => judged(verdict),
         None => unjudged(&steps),
     };
+    let warnings = found.material.as_ref().map_or(Vec::new(), crate::regime::warnings);
+    if !warnings.is_empty() {
+        body += &section("Where the model ends", &doubted(&warnings));
+    }
     if let (Some(measured), Some(material)) = (&found.measured, &found.material) {
         let shown = images::compared(measured, material, found.verification.as_ref())?;
         body += &section("Captured and relit", &shown);
@@ -129,6 +133,15 @@ fn judged(verdict: &Verdict) -> String {
         verdict.grade.word(),
         verdict.sentence(),
         escape(capital(&verdict.reason())),
+    )
+}
+
+fn doubted(warnings: &[String]) -> String {
+    let lines: String = warnings.iter().map(|w| format!("<li>{}</li>", escape(w))).collect();
+    format!(
+        "<p>κ and μ are found by the diffusion equation, which approximates how light really scatters. Against \
+         Monte Carlo, with the true κ and μ:</p><ul>{lines}</ul><p>What is fitted makes up for a part of it: pictures \
+         can agree while κ and μ are a little off.</p>"
     )
 }
 

@@ -77,6 +77,8 @@ const PEERS: &[&str] = &[
     "gphoto2==2.6.4",
     "meerk40t==0.9.9100",
     // meerk40t does not start without it and does not ask for it.
+    "mitsuba==3.9.1",
+    "numpy",
     "pillow",
     "pypjlink2==1.2.2",
     "zaber-motion==10.3.0",

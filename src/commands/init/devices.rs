@@ -16,7 +16,7 @@ pub(crate) struct DeviceArgs {
         long,
         value_name = "FILE",
         requires_all = ["size", "cells", "board", "square"],
-        conflicts_with_all = ["sample", "seed"]
+        conflicts_with_all = ["sample", "seed", "transport"]
     )]
     pub rig: Option<PathBuf>,
     /// Width, height and depth of the block as the camera sees it, mm

@@ -44,6 +44,7 @@ pub(super) fn run(args: &Args) -> Result<Done, Failure> {
     let spec = TwinSpec {
         sample,
         lit: block.lit_face,
+        transport: args.simulated.transport.into(),
         monitor: args.monitor.clone().map(|monitor| (None, monitor)),
         folder: args.folder.clone(),
     };
@@ -88,7 +89,7 @@ impl From<simulator::devices::TwinError> for Failure {
 #[cfg(not(all(feature = "aravis", feature = "display", target_os = "linux")))]
 pub(super) fn run(args: &Args) -> Result<Done, Failure> {
     let Args { folder, simulated, monitor, force } = args;
-    let _ = (simulated.seed, monitor, force);
+    let _ = (simulated.seed, simulated.transport, monitor, force);
     let error = format!("{}: this program was built without the twin", folder.display());
     Err(Failure::other(error).hint("build it on Linux with the features aravis and display"))
 }

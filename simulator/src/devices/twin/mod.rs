@@ -15,7 +15,7 @@ use super::{
     GigeCamera, GrblEmulator, OptomaEmulator, PjlinkEmulator, ProjectorSpec, Screen,
     SimulatedProjector, SimulatedStage, VirtualScreen, Wire,
 };
-use crate::{SampleSpec, SimulatedRig};
+use crate::{Imperfections, SampleSpec, SimulatedRig, Transport};
 use camera::TwinCamera;
 use hands::Hands;
 
@@ -26,6 +26,8 @@ pub struct TwinSpec {
     pub sample: SampleSpec,
     /// The face that the projector lights.
     pub lit: Face,
+    /// How light gets through what lies there.
+    pub transport: Transport,
     /// The monitor that the projector is: X server (`None` for that of `DISPLAY`) and name. Without
     /// one, a screen in memory of the projector's size.
     pub monitor: Option<(Option<String>, String)>,
@@ -91,7 +93,8 @@ impl Twin {
         std::fs::create_dir_all(&spec.folder).map_err(system("folder of the twin"))?;
         // The rig file is used from other places than where it lies.
         let folder = spec.folder.canonicalize().map_err(system("folder of the twin"))?;
-        let rig = SimulatedRig::new(&spec.sample, spec.lit)?;
+        let plain = Imperfections::default();
+        let rig = SimulatedRig::with(&spec.sample, spec.lit, &plain, spec.transport)?;
         let [width, height] = rig.projector_px();
         let (screen, server, monitor) = match &spec.monitor {
             Some((server, monitor)) => (None, server.clone(), Some(monitor.as_str())),
