@@ -1,5 +1,7 @@
 //! The exact gradient of a function of the front face's radiance, by the discrete adjoint.
 
+use crate::cpu::sweep::{Row, RowKernel, rows};
+use crate::operator::{PER_THREAD, face_cells};
 use crate::{Batch, Forward, Illuminations, LinearSolver, SolveError, SolveReport, beam};
 use material::Face;
 use rayon::prelude::*;
@@ -53,41 +55,50 @@ impl<S: LinearSolver> Forward<'_, S> {
         let cells = grid.cells();
         let h = grid.spacing_mm();
         let strides = [1, cells[0], plane];
-        let [mut by_kappa, mut by_mu] = [vec![0.0; grid.len()], vec![0.0; grid.len()]];
-        fluence.lane_products(adjoint, |cell, product| by_mu[cell] -= volume * product);
+        let operator = self.solver_operator().ok_or(SolveError::NotPrepared)?;
+        let product = products(cells, fluence, adjoint);
+        let each = || (0..grid.len()).into_par_iter().with_min_len(PER_THREAD);
+        let mut by_mu: Vec<f64> = each().map(|i| -volume * product[i][OWN]).collect();
 
         // Inner faces: T = 2 A κa κb / (h (κa + κb)), ∂T/∂κa = 2 A κb² / (h (κa + κb)²).
-        for axis in 0..3 {
-            let drop = face_drops(fluence, adjoint, cells, axis);
-            let scale = 2.0 * volume / (h[axis] * h[axis]);
-            for (i, d) in drop.iter().enumerate() {
-                let position = [i % cells[0], i / cells[0] % cells[1], i / plane][axis];
-                if position + 1 < cells[axis] {
-                    let j = i + strides[axis];
-                    let total = kappa[i] + kappa[j];
-                    by_kappa[i] -= scale * (kappa[j] / total).powi(2) * d;
-                    by_kappa[j] -= scale * (kappa[i] / total).powi(2) * d;
-                }
+        let scale: [f64; 3] = std::array::from_fn(|a| 2.0 * volume / (h[a] * h[a]));
+        let by_links = |i: usize| {
+            let mut sum = 0.0;
+            for a in 0..3 {
+                // Across the face from `low` to the next cell, of which i is one; no face, no link.
+                let across = |low: usize| {
+                    if operator.link[a][low] == 0.0 {
+                        return 0.0;
+                    }
+                    let high = low + strides[a];
+                    let other = if low == i { high } else { low };
+                    (kappa[other] / (kappa[low] + kappa[high])).powi(2) * product[low][a]
+                };
+                sum -= scale[a] * (across(i) + i.checked_sub(strides[a]).map_or(0.0, across));
             }
-        }
+            sum
+        };
+        let mut by_kappa: Vec<f64> = each().map(by_links).collect();
 
         // Boundary faces: g = A / (2C + h/(2κ)), ∂g/∂κ = g² h / (2 A κ²).
-        let operator = self.solver_operator().ok_or(SolveError::NotPrepared)?;
         for axis in 0..3 {
             let face_area = volume / h[axis];
             for side in 0..2 {
-                let lit = axis == 2 && (side == 0) == (light.face() == Face::Front);
-                for (k, cell) in crate::operator::face_cells(cells, axis, side).enumerate() {
+                let front = axis == 2 && side == 0;
+                let lit = axis == 2 && front == (light.face() == Face::Front);
+                for (k, cell) in face_cells(cells, axis, side).enumerate() {
                     let g = operator.edge[axis][side][k];
                     let slope = g * g * h[axis] / (2.0 * face_area * kappa[cell] * kappa[cell]);
-                    let mut by_g = 0.0;
-                    for m in 0..light.count() {
-                        let (phi, w) = (fluence.get(m, cell), adjoint.get(m, cell));
-                        let outside = if lit { surface.drive * light.maps()[m][k] } else { 0.0 };
-                        by_g += w * (outside - phi);
-                        if axis == 2 && side == 0 {
-                            by_g +=
-                                by_radiance[m][k] * surface.exit_per_flux / area * (phi - outside);
+                    let mut by_g = -product[cell][OWN];
+                    if lit || front {
+                        for m in 0..light.count() {
+                            let drive = if lit { surface.drive } else { 0.0 };
+                            let outside = drive * light.maps()[m][k];
+                            by_g += adjoint.get(m, cell) * outside;
+                            if front {
+                                by_g += by_radiance[m][k] * surface.exit_per_flux / area
+                                    * (fluence.get(m, cell) - outside);
+                            }
                         }
                     }
                     by_kappa[cell] += slope * by_g;
@@ -110,23 +121,58 @@ impl<S: LinearSolver> Forward<'_, S> {
     }
 }
 
-/// Σ over fields of Δφ Δw across the face between each cell and the next along an axis.
-fn face_drops(phi: &Batch, w: &Batch, cells: [usize; 3], axis: usize) -> Vec<f64> {
-    let stride = [1, cells[0], cells[0] * cells[1]][axis];
-    let lanes = phi.lanes();
-    let len = phi.cells();
-    let mut out = vec![0.0; len];
+/// Where [`products`] has φ w; before it stand the three axes.
+const OWN: usize = 3;
+
+/// For every cell, Σ over fields of Δφ Δw across the face to the next cell along x, y and z
+/// (nothing that counts at the end of an axis), and of φ w.
+fn products(cells: [usize; 3], phi: &Batch, w: &Batch) -> Vec<[f64; 4]> {
+    let mut out = vec![[0.0; 4]; phi.cells()];
     for block in 0..phi.blocks() {
-        let (p, w) = (phi.block(block), w.block(block));
-        out.par_iter_mut().enumerate().with_min_len(4096).for_each(|(i, o)| {
-            let j = i + stride;
-            if j < len {
-                let at = |v: &'_ [f64], c: usize, l: usize| v[c * lanes + l];
-                *o += (0..lanes)
-                    .map(|l| (at(p, j, l) - at(p, i, l)) * (at(w, j, l) - at(w, i, l)))
-                    .sum::<f64>();
-            }
-        });
+        let (phi_block, w_block) = (phi.block(block), w.block(block));
+        if phi.lanes() == 16 {
+            let (phi, w) = (phi_block.as_chunks::<16>().0, w_block.as_chunks().0);
+            rows(cells, &mut out, &Products { cells, phi, w });
+        } else {
+            let (phi, w) = (phi_block.as_chunks::<4>().0, w_block.as_chunks().0);
+            rows(cells, &mut out, &Products { cells, phi, w });
+        }
     }
     out
+}
+
+/// Adds one block's [`products`] to `out`.
+struct Products<'a, const L: usize> {
+    cells: [usize; 3],
+    phi: &'a [[f64; L]],
+    w: &'a [[f64; L]],
+}
+
+impl<const L: usize> RowKernel<f64, 4> for Products<'_, L> {
+    type Sum = f64;
+
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [[f64; 4]], _: &mut [f64; 4]) {
+        let row = Row::new(self.cells, y, z);
+        let (phi, w) = (row.around(self.phi), row.around(self.w));
+        let last = out.len() - 1;
+        for x in 0..out.len() {
+            let own = (&phi[0][x], &w[0][x]);
+            let next = (x + 1).min(last);
+            out[x][0] += dot_of_drops(own, (&phi[0][next], &w[0][next]));
+            out[x][1] += dot_of_drops(own, (&phi[2][x], &w[2][x]));
+            out[x][2] += dot_of_drops(own, (&phi[4][x], &w[4][x]));
+            out[x][OWN] += dot_of_drops(own, (&[0.0; L], &[0.0; L]));
+        }
+    }
+}
+
+/// Σ over lanes of (a₀ − b₀)(a₁ − b₁), in four sums side by side.
+#[inline(always)]
+fn dot_of_drops<const L: usize>(a: (&[f64; L], &[f64; L]), b: (&[f64; L], &[f64; L])) -> f64 {
+    let mut sums = [0.0; 4];
+    for l in 0..L {
+        sums[l % 4] += (a.0[l] - b.0[l]) * (a.1[l] - b.1[l]);
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }

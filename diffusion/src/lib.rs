@@ -7,6 +7,7 @@ mod beam;
 mod bssrdf;
 mod chebyshev;
 mod cpu;
+mod field;
 mod forward;
 mod gpu;
 mod hierarchy;

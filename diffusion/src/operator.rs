@@ -6,6 +6,9 @@ use crate::{Batch, Medium, Real};
 use material::{Face, LateralBoundary, Optics};
 use rayon::prelude::*;
 
+/// Cells of a set-up that are worth handing to another thread.
+pub(crate) const PER_THREAD: usize = 1 << 12;
+
 /// Conservative, cell-centred finite volumes (design: harmonic face conductances).
 ///
 /// Between cells a and b: T = A_f / (h/(2κa) + h/(2κb)). At a boundary face the surface value
@@ -77,15 +80,16 @@ impl Operator {
         edge: [[Vec<f64>; 2]; 3],
         absorption: Vec<f64>,
     ) -> Self {
-        let mut diagonal = absorption.clone();
         let strides = [1, cells[0], cells[0] * cells[1]];
+        // The last link of an axis is 0, so that the cell one stride before the first one of an
+        // axis, which is the last of another row, adds nothing.
+        let sum = |(i, absorption): (usize, &f64)| {
+            let below = |a: usize| i.checked_sub(strides[a]).map_or(0.0, |i| link[a][i]);
+            (0..3).fold(*absorption, |sum, a| sum + link[a][i] + below(a))
+        };
+        let mut diagonal: Vec<f64> =
+            absorption.par_iter().enumerate().with_min_len(PER_THREAD).map(sum).collect();
         for a in 0..3 {
-            for (i, &t) in link[a].iter().enumerate() {
-                if t != 0.0 {
-                    diagonal[i] += t;
-                    diagonal[i + strides[a]] += t;
-                }
-            }
             for side in 0..2 {
                 for (cell, g) in face_cells(cells, a, side).zip(&edge[a][side]) {
                     diagonal[cell] += g;
@@ -93,6 +97,19 @@ impl Operator {
             }
         }
         Self { cells, spacing_mm, link, edge, absorption, diagonal }
+    }
+
+    /// What of every cell's diagonal leads to no other cell: absorption and boundary.
+    pub(crate) fn leak(&self) -> Vec<f64> {
+        let mut leak = self.absorption.clone();
+        for axis in 0..3 {
+            for side in 0..2 {
+                for (cell, g) in face_cells(self.cells, axis, side).zip(&self.edge[axis][side]) {
+                    leak[cell] += g;
+                }
+            }
+        }
+        leak
     }
 
     /// The operator with conductances and absorption rounded to single precision, which changes
@@ -190,23 +207,21 @@ struct Residual<'a, const L: usize> {
 }
 
 impl<T: Real, const L: usize> RowKernel<T, L> for Residual<'_, L> {
+    type Sum = f64;
+
     #[inline(always)]
-    fn row(&self, y: usize, z: usize, out: &mut [[T; L]], dot: &mut [T; L]) {
+    fn row(&self, y: usize, z: usize, out: &mut [[T; L]], dot: &mut [f64; L]) {
         let Self { operator, b, x } = *self;
         let row = Row::new(operator.cells, y, z);
         let (links, diagonal) = (row.links(&operator.link), row.of(&operator.diagonal));
         let (b, v) = (row.of(b), row.around(x));
-        let mut sum = [0.0; L];
         for x in 0..diagonal.len() {
             let own = scale_add(-diagonal[x], &v[0][x], &b[x]);
             let r = neighbour_sum(&links, x, own, |r, x| v[r][x]);
             for l in 0..L {
-                sum[l] += r[l] * r[l];
+                dot[l] += r[l] * r[l];
                 out[x][l] = T::from_f64(r[l]);
             }
-        }
-        for l in 0..L {
-            dot[l] = T::from_f64(sum[l]);
         }
     }
 }

@@ -1,5 +1,5 @@
 // x = inverse · b on the coarsest level; the dot is x · b.
-// Twin: solve_directly in diffusion/src/cpu/multigrid.rs.
+// Twin: SolveDirectly in diffusion/src/cpu/multigrid.rs.
 
 @group(1) @binding(0) var<storage, read> inverse: array<f32>;
 @group(1) @binding(1) var<storage, read> b: array<vec4<f32>>;

@@ -1,6 +1,6 @@
 // The seven-point operator in the form of fluxes: with differences of neighbours taken before they
 // are weighted, single precision loses nothing where the field is smooth.
-// Twin: neighbour_sum in diffusion/src/cpu/sweep.rs.
+// Twin: inflow in diffusion/src/cpu/sweep.rs.
 //
 // The kernel that follows says what it looks at: value(place, i), its field at position i.
 

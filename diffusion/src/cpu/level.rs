@@ -3,7 +3,8 @@
 use super::real::Real;
 use crate::Operator;
 use crate::hierarchy;
-use crate::operator::face_cells;
+use crate::operator::{PER_THREAD, face_cells};
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// One grid of the hierarchy in working precision.
@@ -19,6 +20,9 @@ pub(crate) struct Level<T> {
 /// All levels, finest first, and the inverse of the coarsest matrix (row-major).
 pub(crate) struct Hierarchy<T> {
     pub levels: Vec<Level<T>>,
+    /// What of a cell's diagonal leads to no other cell (absorption and boundary), times −1;
+    /// of the finest level.
+    pub minus_leak: Vec<T>,
     pub coarsest_inverse: Vec<T>,
 }
 
@@ -38,18 +42,21 @@ impl<T: Real> Hierarchy<T> {
         }
         levels.push(Level::new(&here, [1; 3]));
         let coarsest_inverse = invert(&here).into_iter().map(T::from_f64).collect();
-        Self { levels, coarsest_inverse }
+        let minus_leak = fine.leak().into_iter().map(|leak| T::from_f64(-leak)).collect();
+        Self { levels, minus_leak, coarsest_inverse }
     }
 }
 
 impl<T: Real> Level<T> {
     fn new(operator: &Operator, factor: [usize; 3]) -> Self {
-        let convert = |v: &[f64]| v.iter().map(|&x| T::from_f64(x)).collect::<Vec<T>>();
+        let map = |v: &[f64], f: fn(f64) -> f64| -> Vec<T> {
+            v.par_iter().with_min_len(PER_THREAD).map(|&x| T::from_f64(f(x))).collect()
+        };
         Self {
             cells: operator.cells(),
-            link: std::array::from_fn(|a| convert(&operator.link[a])),
-            minus_diagonal: operator.diagonal.iter().map(|&d| T::from_f64(-d)).collect(),
-            inverse_diagonal: operator.diagonal.iter().map(|d| T::from_f64(1.0 / d)).collect(),
+            link: std::array::from_fn(|a| map(&operator.link[a], |t| t)),
+            minus_diagonal: map(&operator.diagonal, |d| -d),
+            inverse_diagonal: map(&operator.diagonal, |d| 1.0 / d),
             factor,
         }
     }
@@ -74,6 +81,8 @@ fn coarsen(fine: &Operator, axis: usize) -> Operator {
 
     // For every coarse cell, its first fine cell and whether it has a second one.
     let first: Vec<(usize, bool)> = (0..len)
+        .into_par_iter()
+        .with_min_len(PER_THREAD)
         .map(|i| {
             let mut p = [
                 i % coarse_cells[0],
@@ -86,7 +95,8 @@ fn coarsen(fine: &Operator, axis: usize) -> Operator {
         .collect();
     let pair_sum = |values: &[f64]| -> Vec<f64> {
         first
-            .iter()
+            .par_iter()
+            .with_min_len(PER_THREAD)
             .map(|&(f, two)| values[f] + if two { values[f + stride] } else { 0.0 })
             .collect()
     };
@@ -99,6 +109,8 @@ fn coarsen(fine: &Operator, axis: usize) -> Operator {
             return pair_sum(&fine.link[a]);
         }
         (0..len)
+            .into_par_iter()
+            .with_min_len(PER_THREAD)
             .map(|i| {
                 let position = (i / coarse_stride) % coarse_cells[axis];
                 if position + 1 == coarse_cells[axis] {

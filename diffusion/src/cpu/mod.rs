@@ -11,8 +11,9 @@ pub use real::Real;
 
 use crate::{Batch, LinearSolver, Operator, SolveError, SolveReport};
 use level::Hierarchy;
-use pcg::Krylov;
+use pcg::{Krylov, Solution};
 use rayon::prelude::*;
+use sweep::{Row, RowKernel, rows};
 
 /// Restarts after which a solve that is still short of its tolerance is called stalled.
 const MAX_RESTARTS: usize = 12;
@@ -44,7 +45,7 @@ impl<T: Real> Default for CpuSolver<T> {
 
 impl<T: Real> LinearSolver for CpuSolver<T> {
     fn prepare(&mut self, operator: Operator) -> Result<(), SolveError> {
-        let hierarchy = Hierarchy::new(&operator);
+        let hierarchy = rayon::scope(|_| Hierarchy::new(&operator));
         self.few.take_if(|space| !space.fits(&hierarchy));
         self.many.take_if(|space| !space.fits(&hierarchy));
         self.prepared = Some((operator, hierarchy));
@@ -63,12 +64,14 @@ impl<T: Real> LinearSolver for CpuSolver<T> {
                 return Err(SolveError::WrongSize { expected: operator.len(), found });
             }
         }
+        // The whole solve runs on a thread of the pool: from outside of it every one of its
+        // passes would put this thread to sleep and wake another.
         if b.lanes() == 16 {
             let krylov = self.many.get_or_insert_with(|| Krylov::new(hierarchy));
-            solve_batch(operator, hierarchy, krylov, b, x, tolerance)
+            rayon::scope(|_| solve_batch(operator, hierarchy, krylov, b, x, tolerance))
         } else {
             let krylov = self.few.get_or_insert_with(|| Krylov::new(hierarchy));
-            solve_batch(operator, hierarchy, krylov, b, x, tolerance)
+            rayon::scope(|_| solve_batch(operator, hierarchy, krylov, b, x, tolerance))
         }
     }
 
@@ -86,16 +89,20 @@ fn solve_batch<T: Real, const L: usize>(
     tolerance: f64,
 ) -> Result<SolveReport, SolveError> {
     let mut report = SolveReport { right_hand_sides: b.count(), ..SolveReport::default() };
+    let blank = x.is_blank();
     for block in 0..b.blocks() {
         let first_field = block * L;
+        let b = b.block(block).as_chunks().0;
+        let solution = Solution { x: x.block_mut(block).as_chunks_mut().0, blank };
         let (iterations, residual) =
-            solve_block(operator, hierarchy, krylov, b.block(block), x.block_mut(block), tolerance)
-                .map_err(|error| match error {
+            solve_block(operator, hierarchy, krylov, b, solution, tolerance).map_err(|error| {
+                match error {
                     SolveError::NotFinite { field } => {
                         SolveError::NotFinite { field: first_field + field }
                     }
                     other => other,
-                })?;
+                }
+            })?;
         report.iterations = report.iterations.max(iterations);
         report.relative_residual = report.relative_residual.max(residual);
     }
@@ -107,27 +114,33 @@ fn solve_block<T: Real, const L: usize>(
     operator: &Operator,
     hierarchy: &Hierarchy<T>,
     krylov: &mut Krylov<T, L>,
-    b: &[f64],
-    x: &mut [f64],
+    b: &[[f64; L]],
+    mut solution: Solution<'_, L>,
     tolerance: f64,
 ) -> Result<(usize, f64), SolveError> {
-    let b = b.as_chunks::<L>().0;
-    let x = x.as_chunks_mut::<L>().0;
-    let b_norm = norms(b);
+    // From x = 0 the residual is b, and the pass that rounds it measures it too.
+    let b_norm = if solution.blank {
+        rows(operator.cells(), &mut krylov.r, &Round { cells: operator.cells(), b }).map(f64::sqrt)
+    } else {
+        norms(b)
+    };
     if let Some(field) = b_norm.iter().position(|n| !n.is_finite()) {
         return Err(SolveError::NotFinite { field });
     }
-    let x_norm = norms(x);
-    for lane in 0..L {
-        if x_norm[lane] != 0.0 && (b_norm[lane] == 0.0 || !x_norm[lane].is_finite()) {
-            x.iter_mut().for_each(|v| v[lane] = 0.0);
+    let mut r_norm = b_norm;
+    if !solution.blank {
+        let x_norm = norms(solution.x);
+        for lane in 0..L {
+            if x_norm[lane] != 0.0 && (b_norm[lane] == 0.0 || !x_norm[lane].is_finite()) {
+                solution.x.iter_mut().for_each(|v| v[lane] = 0.0);
+            }
         }
+        r_norm = operator.residual_into(b, solution.x, &mut krylov.r);
     }
     let mut history = Vec::new();
     let mut iterations = 0;
     let mut previous = f64::INFINITY;
     for _ in 0..MAX_RESTARTS {
-        let r_norm = operator.residual_into(b, x, &mut krylov.r);
         let relative =
             (0..L).filter(|&l| b_norm[l] > 0.0).map(|l| r_norm[l] / b_norm[l]).fold(0.0, f64::max);
         if relative <= tolerance {
@@ -148,14 +161,31 @@ fn solve_block<T: Real, const L: usize>(
         let target: [f64; L] = std::array::from_fn(|l| {
             (0.7 * tolerance * b_norm[l]).max(T::RESIDUAL_FLOOR * r_norm[l])
         });
-        iterations += krylov.run(hierarchy, &scale, &target, MAX_ITERATIONS, &mut history);
-        x.par_iter_mut().zip(&krylov.x).with_min_len(4096).for_each(|(x, d)| {
-            for l in 0..L {
-                x[l] += d[l].to_f64();
-            }
-        });
+        iterations +=
+            krylov.run(hierarchy, &scale, &target, MAX_ITERATIONS, &mut solution, &mut history);
+        r_norm = operator.residual_into(b, solution.x, &mut krylov.r);
     }
     Err(SolveError::Stalled { wanted: tolerance, reached: previous, iterations, history })
+}
+
+/// out = b, rounded; the dot is b · b.
+struct Round<'a, const L: usize> {
+    cells: [usize; 3],
+    b: &'a [[f64; L]],
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for Round<'_, L> {
+    type Sum = f64;
+
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [[T; L]], dot: &mut [f64; L]) {
+        for (out, b) in out.iter_mut().zip(Row::new(self.cells, y, z).of(self.b)) {
+            for l in 0..L {
+                out[l] = T::from_f64(b[l]);
+                dot[l] += b[l] * b[l];
+            }
+        }
+    }
 }
 
 fn norms<const L: usize>(values: &[[f64; L]]) -> [f64; L] {

@@ -9,6 +9,7 @@ use super::level::{Hierarchy, Level};
 use super::real::{Lanes, Real, lane_mul_add, scale, scale_add, splat, sum};
 use super::sweep::{Around, Row, RowKernel, neighbour_sum, rows};
 use crate::chebyshev::{Chebyshev, WEIGHTS};
+use crate::field::Field;
 
 /// The smoother's weights, in the forms in which the fused passes take them.
 struct Weights<T> {
@@ -41,11 +42,11 @@ impl<T: Real> Weights<T> {
 /// Work space of one level.
 struct Space<T, const L: usize> {
     /// Right-hand side (empty on the finest level, where the caller holds it).
-    b: Vec<Lanes<T, L>>,
+    b: Field<T, L>,
     /// After smoothing down; then the answer.
-    x: Vec<Lanes<T, L>>,
+    x: Field<T, L>,
     /// Half-way through smoothing up.
-    y: Vec<Lanes<T, L>>,
+    y: Field<T, L>,
 }
 
 /// The cycle with its work space.
@@ -61,8 +62,7 @@ impl<T: Real, const L: usize> VCycle<T, L> {
             .iter()
             .enumerate()
             .map(|(k, level)| {
-                let field =
-                    |wanted: bool| vec![splat(T::ZERO); if wanted { level.len() } else { 0 }];
+                let field = |wanted: bool| Field::zeros(if wanted { level.len() } else { 0 });
                 let smoothed = k + 1 < hierarchy.levels.len();
                 Space { b: field(k > 0), x: field(true), y: field(smoothed) }
             })
@@ -105,10 +105,11 @@ fn cycle<T: Real, const L: usize>(
         None => return [0.0; L],
     };
     let Space { b, x, y } = here;
-    let b = outer_b.unwrap_or(b);
+    let b = outer_b.unwrap_or(&*b);
     let level = &levels[0];
     let Some(coarse) = below.first_mut() else {
-        return solve_directly(coarsest_inverse, b, x);
+        let solve = SolveDirectly { cells: level.cells, inverse: coarsest_inverse, b };
+        return rows(level.cells, x, &solve);
     };
     let next = levels[1].cells;
     rows(level.cells, x, &SmoothFromZero { level, weights, b });
@@ -119,24 +120,30 @@ fn cycle<T: Real, const L: usize>(
     rows(level.cells, x, &SecondStepUp { level, weights, b, half_way: y, correction })
 }
 
-fn solve_directly<T: Real, const L: usize>(
-    inverse: &[T],
-    b: &[Lanes<T, L>],
-    x: &mut [Lanes<T, L>],
-) -> [f64; L] {
-    let n = b.len();
-    let mut dot = [0.0; L];
-    for (i, out) in x.iter_mut().enumerate() {
-        let mut acc = splat(T::ZERO);
-        for (a, value) in inverse[i * n..(i + 1) * n].iter().zip(b) {
-            acc = scale_add(*a, value, &acc);
-        }
-        *out = acc;
-        for l in 0..L {
-            dot[l] += (acc[l].mul(b[i][l])).to_f64();
+/// x = A⁻¹ b by the dense inverse.
+struct SolveDirectly<'a, T, const L: usize> {
+    cells: [usize; 3],
+    inverse: &'a [T],
+    b: &'a [Lanes<T, L>],
+}
+
+impl<T: Real, const L: usize> RowKernel<T, L> for SolveDirectly<'_, T, L> {
+    type Sum = T;
+
+    #[inline(always)]
+    fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<T, L>) {
+        let n = self.b.len();
+        let first = (z * self.cells[1] + y) * self.cells[0];
+        for x in 0..out.len() {
+            let i = first + x;
+            let mut acc = splat(T::ZERO);
+            for (a, value) in self.inverse[i * n..(i + 1) * n].iter().zip(self.b) {
+                acc = scale_add(*a, value, &acc);
+            }
+            *dot = lane_mul_add(&acc, &self.b[i], dot);
+            out[x] = acc;
         }
     }
-    dot
 }
 
 /// x = two Chebyshev steps from zero.
@@ -147,6 +154,8 @@ struct SmoothFromZero<'a, T, const L: usize> {
 }
 
 impl<T: Real, const L: usize> RowKernel<T, L> for SmoothFromZero<'_, T, L> {
+    type Sum = T;
+
     #[inline(always)]
     fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
         let Self { level, weights, b } = *self;
@@ -170,6 +179,8 @@ struct RestrictResidual<'a, T, const L: usize> {
 }
 
 impl<T: Real, const L: usize> RowKernel<T, L> for RestrictResidual<'_, T, L> {
+    type Sum = T;
+
     #[inline(always)]
     fn row(&self, cy: usize, cz: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
         let Self { level, b, x } = *self;
@@ -235,6 +246,8 @@ struct FirstStepUp<'a, T, const L: usize> {
 }
 
 impl<T: Real, const L: usize> RowKernel<T, L> for FirstStepUp<'_, T, L> {
+    type Sum = T;
+
     #[inline(always)]
     fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], _: &mut Lanes<T, L>) {
         let Self { level, weights, b, x, correction } = *self;
@@ -262,6 +275,8 @@ struct SecondStepUp<'a, T, const L: usize> {
 }
 
 impl<T: Real, const L: usize> RowKernel<T, L> for SecondStepUp<'_, T, L> {
+    type Sum = T;
+
     #[inline(always)]
     fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<T, L>) {
         let Self { level, weights, b, half_way: h, correction } = *self;

@@ -1,7 +1,7 @@
 //! The two precisions that the Krylov iteration and its preconditioner can run in.
 
 /// `f32` or `f64`.
-pub trait Real: Copy + Send + Sync + Default + PartialEq + std::fmt::Debug + 'static {
+pub trait Real: bytemuck::Pod + Send + Sync + Default + PartialEq + std::fmt::Debug {
     /// 0.
     const ZERO: Self;
     /// Relative residual below which a recursively updated residual means nothing any more.
@@ -16,6 +16,10 @@ pub trait Real: Copy + Send + Sync + Default + PartialEq + std::fmt::Debug + 'st
     fn mul(self, a: Self) -> Self;
     /// Sum.
     fn add(self, a: Self) -> Self;
+    /// Difference.
+    fn sub(self, a: Self) -> Self;
+    /// The value times −1.
+    fn neg(self) -> Self;
 }
 
 macro_rules! real {
@@ -43,10 +47,18 @@ macro_rules! real {
             fn add(self, a: Self) -> Self {
                 self + a
             }
+            #[inline(always)]
+            fn sub(self, a: Self) -> Self {
+                self - a
+            }
+            #[inline(always)]
+            fn neg(self) -> Self {
+                -self
+            }
         }
     };
 }
-real!(f32, 2e-6);
+real!(f32, 2e-7);
 real!(f64, 1e-14);
 
 /// `L` values of one cell, one for each field of a block.
@@ -86,6 +98,16 @@ pub fn sum<T: Real, const L: usize>(x: &Lanes<T, L>, y: &Lanes<T, L>) -> Lanes<T
     let mut out = [T::ZERO; L];
     for l in 0..L {
         out[l] = x[l].add(y[l]);
+    }
+    out
+}
+
+/// x − y.
+#[inline(always)]
+pub fn difference<T: Real, const L: usize>(x: &Lanes<T, L>, y: &Lanes<T, L>) -> Lanes<T, L> {
+    let mut out = [T::ZERO; L];
+    for l in 0..L {
+        out[l] = x[l].sub(y[l]);
     }
     out
 }

@@ -1,41 +1,55 @@
 //! Passes over all cells of a level: rows are handed to threads in fixed pieces, so that
 //! sums come out the same whatever the number of threads.
 
-use super::real::{Lanes, Real, scale_add, splat};
+use super::real::{Lanes, Real, difference, scale_add, splat};
 use rayon::prelude::*;
 
 /// Values that make a piece of work worth handing to another thread (about 20 µs).
 const PIECE: usize = 1 << 15;
+
+/// Values of one field in a slab one cell thick along y, at most: three such slabs of the field
+/// that a stencil reads stay in a core's share of the cache, so that memory delivers every value
+/// once a pass and not once for each neighbour.
+const SLAB: usize = 1 << 17;
 
 /// What a pass does with one row of cells.
 ///
 /// A trait and not a closure: implementations are `#[inline(always)]`, which carries through to
 /// the function that is compiled for the machine's vector unit; a closure's call does not.
 pub(crate) trait RowKernel<T, const L: usize>: Sync {
+    /// Precision in which the values of one row are summed.
+    type Sum: Real;
+
     /// Fills `out`, the row at (y, z); what is added to `dot` is summed over all rows.
-    fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<T, L>);
+    fn row(&self, y: usize, z: usize, out: &mut [Lanes<T, L>], dot: &mut Lanes<Self::Sum, L>);
 }
 
-/// A few consecutive rows of a pass.
+/// Rows that one thread goes through: a range along y of a range along z.
 struct Piece<'a, K, T, const L: usize> {
     kernel: &'a K,
-    cells: [usize; 3],
-    first_row: usize,
-    out: &'a mut [Lanes<T, L>],
+    nx: usize,
+    first_y: usize,
+    first_z: usize,
+    /// The rows of every plane.
+    planes: Vec<&'a mut [Lanes<T, L>]>,
 }
 
 impl<K: RowKernel<T, L>, T: Real, const L: usize> pulp::WithSimd for Piece<'_, K, T, L> {
     type Output = [f64; L];
 
+    /// z runs fastest, for the sake of [`SLAB`].
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> [f64; L] {
-        let [nx, ny, _] = self.cells;
+        let Self { kernel, nx, first_y, first_z, mut planes } = self;
         let mut total = [0.0; L];
-        for (k, out_row) in self.out.chunks_exact_mut(nx).enumerate() {
-            let r = self.first_row + k;
-            let mut partial = splat(T::ZERO);
-            self.kernel.row(r % ny, r / ny, out_row, &mut partial);
-            widen_and_add(&mut total, &partial);
+        let rows = planes.first().map_or(0, |plane| plane.len() / nx);
+        for y in 0..rows {
+            for (z, plane) in planes.iter_mut().enumerate() {
+                let mut partial = splat(K::Sum::ZERO);
+                let out = &mut plane[y * nx..(y + 1) * nx];
+                kernel.row(first_y + y, first_z + z, out, &mut partial);
+                widen_and_add(&mut total, &partial);
+            }
         }
         total
     }
@@ -51,29 +65,44 @@ fn widen_and_add<T: Real, const L: usize>(total: &mut [f64; L], partial: &Lanes<
 }
 
 /// Runs a kernel on every row of `out`, in parallel where it pays, and returns the sum of the
-/// rows' dots, lane by lane, added up in storage order.
+/// rows' dots, lane by lane, added up in an order that depends on the grid alone.
 pub(crate) fn rows<T: Real, const L: usize>(
     cells: [usize; 3],
     out: &mut [Lanes<T, L>],
     kernel: &impl RowKernel<T, L>,
 ) -> [f64; L] {
-    let nx = cells[0];
-    let rows_a_piece = (PIECE / (nx * L)).max(1);
-    let arch = pulp::Arch::new();
-    if out.len() * L <= PIECE {
-        return arch.dispatch(Piece { kernel, cells, first_row: 0, out });
-    }
-    let parts: Vec<[f64; L]> = out
-        .par_chunks_mut(rows_a_piece * nx)
-        .enumerate()
-        .map(|(n, out)| arch.dispatch(Piece { kernel, cells, first_row: n * rows_a_piece, out }))
+    let [nx, ny, nz] = cells;
+    let alone = out.len() * L <= PIECE;
+    let deep = if alone { nz } else { (SLAB / (nx * L)).clamp(1, nz) };
+    let wide = if alone { ny } else { (PIECE / (nx * deep * L)).clamp(1, ny) };
+    let across = ny.div_ceil(wide);
+    let mut pieces: Vec<_> = (0..nz.div_ceil(deep) * across)
+        .map(|n| Piece {
+            kernel,
+            nx,
+            first_y: n % across * wide,
+            first_z: n / across * deep,
+            planes: Vec::with_capacity(deep),
+        })
         .collect();
-    parts.into_iter().fold([0.0; L], |mut total, part| {
+    for (z, plane) in out.chunks_exact_mut(nx * ny).enumerate() {
+        let first = z / deep * across;
+        for (piece, rows) in pieces[first..].iter_mut().zip(plane.chunks_mut(nx * wide)) {
+            piece.planes.push(rows);
+        }
+    }
+    let arch = pulp::Arch::new();
+    let add = |mut total: [f64; L], part: [f64; L]| {
         for l in 0..L {
             total[l] += part[l];
         }
         total
-    })
+    };
+    if alone {
+        return pieces.into_iter().map(|piece| arch.dispatch(piece)).fold([0.0; L], add);
+    }
+    let parts: Vec<[f64; L]> = pieces.into_par_iter().map(|piece| arch.dispatch(piece)).collect();
+    parts.into_iter().fold([0.0; L], add)
 }
 
 /// Where a row's cells and those of the four rows beside it stand in a field: the row itself,
@@ -161,4 +190,27 @@ pub(crate) fn neighbour_sum<T: Real, const L: usize>(
     acc = scale_add(links[2][x], &value(2, x), &acc);
     acc = scale_add(links[3][x], &value(3, x), &acc);
     scale_add(links[4][x], &value(4, x), &acc)
+}
+
+/// Σ over the six neighbours of the row's cell x of conductance · (value − own): the operator in
+/// the form of fluxes. Differences are taken before they are weighted, so that single precision
+/// loses nothing where the field is smooth.
+#[inline(always)]
+pub(crate) fn inflow<T: Real, const L: usize>(
+    links: &Around<'_, T>,
+    values: &Around<'_, Lanes<T, L>>,
+    x: usize,
+) -> Lanes<T, L> {
+    let own = &values[0][x];
+    let mut acc = splat(T::ZERO);
+    if x > 0 {
+        acc = scale_add(links[0][x - 1], &difference(&values[0][x - 1], own), &acc);
+    }
+    if x + 1 < links[0].len() {
+        acc = scale_add(links[0][x], &difference(&values[0][x + 1], own), &acc);
+    }
+    acc = scale_add(links[1][x], &difference(&values[1][x], own), &acc);
+    acc = scale_add(links[2][x], &difference(&values[2][x], own), &acc);
+    acc = scale_add(links[3][x], &difference(&values[3][x], own), &acc);
+    scale_add(links[4][x], &difference(&values[4][x], own), &acc)
 }
