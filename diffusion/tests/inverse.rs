@@ -1,8 +1,9 @@
 //! A small veined block is found again from its images, and what cannot be is an error.
 
 use diffusion::{
-    Batch, CpuSolver, Forward, Illuminations, Inverse, InverseError, InverseSettings, Measurement,
-    MeasurementError, Medium, Method, Stage, average, bssrdf_error, invert,
+    Batch, CpuSolver, Forward, Gpu, Illuminations, Inverse, InverseError, InverseSettings,
+    Measurement, MeasurementError, Medium, Method, Stage, average, bssrdf_error, invert,
+    invert_on_gpu,
 };
 use material::{Face, Grid, Optics};
 use rand::{RngExt, SeedableRng};
@@ -118,6 +119,25 @@ fn the_default_method_finds_a_veined_block() {
     let start = vec![found.homogeneous.0; found.kappa_mm.len()];
     assert!(log_error(&start, block(&grids()[0]).kappa_mm()) > 2.0 * kappa);
     assert_eq!(found.gain, 1.0);
+    assert_eq!(found.history.len(), found.work.gradient_evaluations);
+}
+
+/// The GPU's single precision takes another path to as good a block: the limits are those of the CPU.
+#[test]
+fn the_gpu_finds_the_block_as_well() {
+    let gpu = match Gpu::open(None) {
+        Ok(gpu) => gpu,
+        Err(error) => return println!("SKIPPED: {error}"),
+    };
+    let optics = Optics::from_eta(1.3);
+    let (data, settings) = (measurement(&optics, 1.0), InverseSettings::default());
+    let found = invert_on_gpu(&grids()[0], &optics, &data, &settings, &gpu, &mut |_| true).unwrap();
+    let [e, kappa, mu] = errors(&found);
+    println!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}, log mu {mu:.3}", found.fit);
+    assert!(0.5 * NOISE * NOISE < found.fit && found.fit < 2.1e-4, "{}", found.fit);
+    assert!(e < 2.5e-3, "{e:.2e}");
+    assert!(kappa < 0.15, "{kappa}");
+    assert!(mu < 0.46, "{mu}");
     assert_eq!(found.history.len(), found.work.gradient_evaluations);
 }
 

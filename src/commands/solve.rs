@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::adaptive::CHOICE;
 use crate::cli::STOP;
+use crate::compute::Device;
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
 use crate::regime;
@@ -10,7 +11,7 @@ use crate::session::Session;
 use clap::ValueEnum;
 use diffusion::{
     CpuSolver, Illuminations, Inverse, InverseError, InverseSettings, Lambda, Measurement, Method,
-    Stage, invert,
+    Stage, invert, invert_on_gpu,
 };
 use material::{Channel, Input, Material, Overwrite, Provenance};
 use serde::{Deserialize, Serialize};
@@ -53,12 +54,21 @@ pub(crate) struct Options {
     /// Most gradient evaluations for each channel
     #[arg(long, default_value_t = 400)]
     max_evaluations: usize,
+    /// What does the work: auto (a GPU in hardware, else the CPU), cpu, gpu or gpu:NAME
+    #[arg(long, default_value = "auto")]
+    device: Device,
 }
 
 impl Options {
     /// What the command line has without options.
     pub fn preset() -> Self {
-        Self { method: MethodName::Lbfgs, lambda: None, free_gain: false, max_evaluations: 400 }
+        Self {
+            method: MethodName::Lbfgs,
+            lambda: None,
+            free_gain: false,
+            max_evaluations: 400,
+            device: Device::Auto,
+        }
     }
 }
 
@@ -91,6 +101,9 @@ pub(crate) struct ChannelConvergence {
 pub(crate) struct Convergence {
     pub seconds: f64,
     pub fit: f64,
+    /// What did the work.
+    #[serde(default)]
+    pub device: String,
     pub channels: Vec<ChannelConvergence>,
 }
 
@@ -110,9 +123,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let sum =
         |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
     text += &format!(
-        "fit {:.2e} in {:.1} s: {}\nnext: diaphane verify {}",
+        "fit {:.2e} in {:.1} s on {}: {}\nnext: diaphane verify {}",
         result.fit,
         result.seconds,
+        result.device,
         session.path(MATERIAL).display(),
         session.folder().display()
     );
@@ -122,6 +136,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "gradient_evaluations": sum(|c| c.gradient_evaluations),
         "linear_solves": sum(|c| c.linear_solves),
         "seconds": result.seconds,
+        "device": result.device,
         "lambda": lambda,
         "material": session.path(MATERIAL),
         "channels": result.channels,
@@ -147,6 +162,7 @@ pub(crate) fn solve(
     let maps = fitted.iter().map(|p| p.irradiance.clone()).collect();
     let light = Illuminations::new(&grid, sample.lit_face, maps)?;
 
+    let gpu = options.device.gpu()?;
     let mut solver = CpuSolver::<f32>::new();
     let (mut channels, mut reports) = (Vec::new(), Vec::new());
     let (mut misfit, mut energy) = (0.0, 0.0);
@@ -170,13 +186,16 @@ pub(crate) fn solve(
             progress.set(p.work.gradient_evaluations, &message);
             !STOP.load(Ordering::Relaxed)
         };
-        let found = invert(&grid, &optics, &measurement, &settings, &mut solver, &mut observe)
-            .map_err(|e| match e {
-                InverseError::Interrupted => {
-                    Failure::other("interrupted").hint("run the same command again")
-                }
-                other => other.into(),
-            })?;
+        let found = match &gpu {
+            None => invert(&grid, &optics, &measurement, &settings, &mut solver, &mut observe),
+            Some(gpu) => invert_on_gpu(&grid, &optics, &measurement, &settings, gpu, &mut observe),
+        };
+        let found = found.map_err(|e| match e {
+            InverseError::Interrupted => {
+                Failure::other("interrupted").hint("run the same command again")
+            }
+            other => other.into(),
+        })?;
         progress.finish(&format!("fit {:.2e}, λ {:.1e}", found.fit, found.lambda));
         misfit += found.fit * measurement.energy();
         energy += measurement.energy();
@@ -192,7 +211,8 @@ pub(crate) fn solve(
     let material =
         Material::new(grid, channels, optics, sample.lit_face, provenance(session, &settings)?)?;
     let seconds = started.elapsed().as_secs_f64();
-    let result = Convergence { seconds, fit: misfit / energy, channels: reports };
+    let device = gpu.map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
+    let result = Convergence { seconds, fit: misfit / energy, device, channels: reports };
     session.write_json(CONVERGENCE, &result, Overwrite::Replace)?;
     // The material last: once it is there the solve is done.
     material.save(&session.result(MATERIAL)?, overwrite)?;

@@ -144,6 +144,11 @@ impl Measurement {
         self.pixels().map(|(_, l)| l * l).sum()
     }
 
+    /// What the fit would be if the images were off by their noise: Σ 1/w / Σ L².
+    pub(crate) fn noise_share(&self) -> f64 {
+        self.pixels().map(|(w, _)| 1.0 / w).sum::<f64>() / self.energy()
+    }
+
     /// Σ w L².
     pub(crate) fn weighted_energy(&self) -> f64 {
         self.pixels().map(|(w, l)| w * l * l).sum()

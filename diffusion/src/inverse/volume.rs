@@ -37,6 +37,7 @@ pub(super) fn run<D: Device>(
         Lambda::Discrepancy => LAMBDA_FIRST,
     };
     let mut chosen = settings.lambda != Lambda::Discrepancy;
+    let noise_share = problem.measurement.noise_share();
     let mut previous_chi2 = f64::INFINITY;
     let mut history = Vec::new();
     let mut minimiser = Minimiser::new(&mut objective, problem.measurement.weighted_energy());
@@ -65,10 +66,12 @@ pub(super) fn run<D: Device>(
             break;
         }
         let chi2 = here.misfit.weighted / count;
-        // The noise is reached; or a fourfold smaller λ no longer explains the images better,
-        // so what is left is not in reach of κ and μ.
+        // The noise is reached, in the many dark pixels, which make up χ², and in the bright ones,
+        // which make up the fit; or a fourfold smaller λ no longer explains the images better, so
+        // what is left is not in reach of κ and μ.
+        let reached = chi2 <= 1.0 && here.misfit.fit <= noise_share;
         let stuck = chi2 > 0.98 * previous_chi2 && lambda < 1e-3;
-        if chi2 <= 1.0 || stuck || lambda * LAMBDA_FACTOR < LAMBDA_LAST {
+        if reached || stuck || lambda * LAMBDA_FACTOR < LAMBDA_LAST {
             chosen = true;
         } else {
             previous_chi2 = chi2;
