@@ -39,6 +39,7 @@ impl Device {
     pub fn gpu(&self) -> Result<Option<Gpu>, Failure> {
         match self {
             Self::Cpu => Ok(None),
+            Self::Auto if !may_have_hardware() => Ok(None),
             Self::Auto => Ok(Gpu::open(None).ok().filter(|gpu| !gpu.is_software())),
             Self::Gpu(name) => Ok(Some(Gpu::open(name.as_deref())?)),
         }
@@ -61,6 +62,20 @@ impl Device {
             }
         })
     }
+}
+
+/// Whether looking for a GPU is worth the half second that it takes, and the complaints about
+/// displays that drivers made of software have without one.
+fn may_have_hardware() -> bool {
+    if !cfg!(target_os = "linux") {
+        return true;
+    }
+    let render_node = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|e| e.file_name().to_string_lossy().starts_with("renderD"))
+    };
+    let others = ["/dev/nvidia0", "/dev/nvidiactl", "/dev/dxg"];
+    others.iter().any(|path| std::path::Path::new(path).exists())
+        || std::fs::read_dir("/dev/dri").is_ok_and(|mut nodes| nodes.any(render_node))
 }
 
 #[cfg(test)]
