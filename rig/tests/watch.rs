@@ -110,6 +110,11 @@ impl Projector for Device {
 
 /// Every warning of a capture of black, white and two regions, by shot.
 fn capture(wall: Wall, patch: bool) -> Vec<(String, Warning)> {
+    capture_after(&[], wall, patch)
+}
+
+/// The same with other shots before.
+fn capture_after(first: &[Shot], wall: Wall, patch: bool) -> Vec<(String, Warning)> {
     let black =
         ProjectorImage { width: WIDTH, height: HEIGHT, data: vec![0; (WIDTH * HEIGHT) as usize] };
     let noise = ChaCha8Rng::seed_from_u64(7);
@@ -125,14 +130,13 @@ fn capture(wall: Wall, patch: bool) -> Vec<(String, Warning)> {
         target: Target::Sample,
         pattern,
     };
-    let plan = Plan {
-        shots: vec![
-            shot("black", Pattern::Black),
-            shot("white", Pattern::White),
-            shot("region-1", Pattern::region(2, 1, 0)),
-            shot("region-2", Pattern::region(2, 1, 1)),
-        ],
-    };
+    let of_block = [
+        shot("black", Pattern::Black),
+        shot("white", Pattern::White),
+        shot("region-1", Pattern::region(2, 1, 0)),
+        shot("region-2", Pattern::region(2, 1, 1)),
+    ];
+    let plan = Plan { shots: first.iter().cloned().chain(of_block).collect() };
     let stop = AtomicBool::new(false);
     let map = |[x, y]: [f64; 2]| Some([x / f64::from(WIDTH), y / f64::from(HEIGHT)]);
     let patch = patch.then_some(ReferencePatch { projector_px: PATCH, camera_px: SEEN });
@@ -221,6 +225,27 @@ fn a_drifting_lamp_shows_in_the_reference_patch() {
     // Three steps after the first shot; the noise of 192 values is far below.
     assert!(shot == "region-2" && (change - (0.98_f64.powi(3) - 1.0)).abs() < 2e-3, "{told:?}");
     assert_eq!(capture(Wall { lamp_step: 0.98, ..GOOD }, false), [], "without a patch");
+}
+
+/// The place where the patch will be seen is white before a chart and black in its black frame, and
+/// the projector's own grey steps are as they are meant to be.
+#[test]
+fn what_is_not_the_block_says_nothing_of_lamp_lens_and_brightness() {
+    let shot = |name: &str, purpose, target, pattern| Shot {
+        name: name.into(),
+        purpose,
+        exposures_s: vec![0.1, 0.4, 1.2],
+        repeats: 1,
+        target,
+        pattern,
+    };
+    let first = [
+        shot("chart", Purpose::Response, Target::Chart, Pattern::White),
+        shot("chart-black", Purpose::Reference, Target::Chart, Pattern::Black),
+        shot("grey-000", Purpose::Light, Target::Chart, Pattern::Grey { level: 0.0 }),
+        shot("grey-010", Purpose::Light, Target::Chart, Pattern::Grey { level: 0.04 }),
+    ];
+    assert_eq!(capture_after(&first, GOOD, true), []);
 }
 
 #[test]
