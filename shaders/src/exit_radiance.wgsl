@@ -6,21 +6,14 @@
 @group(1) @binding(3) var<storage, read> measured: array<vec4<f32>>;
 @group(1) @binding(4) var<storage, read> weight: array<vec4<f32>>;
 @group(1) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
-@group(1) @binding(6) var<storage, read_write> sums: array<vec4<f32>>; // of every workgroup
-
-var<workgroup> strip: array<vec4<f32>, 64>;
+@group(1) @binding(6) var<storage, read_write> partials: array<vec4<f32>>; // of every workgroup
 
 @compute @workgroup_size(64)
-fn exit_radiance(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
+fn exit_radiance(at: Invocation) {
     var own = vec4(0.0);
-    if all(vec2(id.x / level.quads, id.y) < level.cells.xy) {
+    if all(vec2(at.id.x / level.quads, at.id.y) < level.cells.xy) {
         // The front face's cells are the first of the block.
-        let i = id.y * level.cells.x * level.quads + id.x;
+        let i = at.id.y * level.cells.x * level.quads + at.id.x;
         let g = face_z[i / level.quads] / (block.spacing.x * block.spacing.y);
         let light = select(vec4(0.0), irradiance[i], block.lit_front == 1u);
         let flux = g * (fluence[i] - block.drive * light);
@@ -28,14 +21,5 @@ fn exit_radiance(
         radiance[i] = l;
         own = vec4(dot(weight[i] * l, l), dot(weight[i] * l, measured[i]), 0.0, 0.0);
     }
-    strip[local] = own;
-    for (var half = 32u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            strip[local] += strip[local + half];
-        }
-    }
-    if local == 0u {
-        sums[group.y * groups.x + group.x] = strip[0];
-    }
+    add_up(at, own, 1u);
 }

@@ -16,19 +16,14 @@ fn value(place: vec3<u32>, i: u32) -> vec4<f32> {
     return x[i] + correction[above + i % level.quads];
 }
 
+fn visit(place: vec3<u32>, cell: u32, i: u32) -> vec4<f32> {
+    let v = value(place, i);
+    let r = b[i] - absorption[cell] * v + inflow(place, i, v);
+    out[i] = v + first * inverse_diagonal[cell] * r;
+    return vec4(0.0);
+}
+
 @compute @workgroup_size(64)
 fn first_step_up(@builtin(global_invocation_id) id: vec3<u32>) {
-    let column = vec2(id.x / level.quads, id.y);
-    if any(column >= level.cells.xy) {
-        return;
-    }
-    let last = min((id.z + 1u) * level.planes, level.cells.z);
-    for (var z = id.z * level.planes; z < last; z++) {
-        let place = vec3(column, z);
-        let cell = cell_at(place);
-        let i = cell * level.quads + id.x % level.quads;
-        let v = value(place, i);
-        let r = b[i] - absorption[cell] * v + inflow(place, i, v);
-        out[i] = v + first * inverse_diagonal[cell] * r;
-    }
+    walk(id);
 }

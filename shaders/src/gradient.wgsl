@@ -24,10 +24,10 @@ fn across(cell: u32, beyond: u32, axis: u32) -> f32 {
 }
 
 // ∂g/∂κ times Σ w (outside − φ), and what leaves the front face directly through its own g.
-fn surface(cell: u32, axis: u32, high: bool, conductance: f32, column: u32) -> f32 {
+fn surface(cell: u32, axis: u32, high: bool, g: f32, column: u32) -> f32 {
     let h = block.spacing[axis];
     let area = block.volume / h;
-    let slope = conductance * conductance * h / (2.0 * area * kappa[cell] * kappa[cell]);
+    let slope = g * g * h / (2.0 * area * kappa[cell] * kappa[cell]);
     let lit = axis == 2u && high == (block.lit_front == 0u);
     let front = axis == 2u && !high;
     var sum = 0.0;
@@ -46,6 +46,14 @@ fn surface(cell: u32, axis: u32, high: bool, conductance: f32, column: u32) -> f
     return slope * sum;
 }
 
+fn conductance(axis: u32, face: u32) -> f32 {
+    switch axis {
+        case 0u: { return face_x[face]; }
+        case 1u: { return face_y[face]; }
+        default: { return face_z[face]; }
+    }
+}
+
 @compute @workgroup_size(64)
 fn gradient(@builtin(global_invocation_id) place: vec3<u32>) {
     let n = level.cells;
@@ -58,35 +66,17 @@ fn gradient(@builtin(global_invocation_id) place: vec3<u32>) {
     let low = faces_below(place);
     let high = faces_above(place);
     var by_kappa = 0.0;
-    if place.x > 0u {
-        by_kappa += across(cell, cell - step.x, 0u);
-    } else {
-        by_kappa += surface(cell, 0u, false, face_x[low.x], column);
-    }
-    if place.x + 1u < n.x {
-        by_kappa += across(cell, cell + step.x, 0u);
-    } else {
-        by_kappa += surface(cell, 0u, true, face_x[high.x], column);
-    }
-    if place.y > 0u {
-        by_kappa += across(cell, cell - step.y, 1u);
-    } else {
-        by_kappa += surface(cell, 1u, false, face_y[low.y], column);
-    }
-    if place.y + 1u < n.y {
-        by_kappa += across(cell, cell + step.y, 1u);
-    } else {
-        by_kappa += surface(cell, 1u, true, face_y[high.y], column);
-    }
-    if place.z > 0u {
-        by_kappa += across(cell, cell - step.z, 2u);
-    } else {
-        by_kappa += surface(cell, 2u, false, face_z[low.z], column);
-    }
-    if place.z + 1u < n.z {
-        by_kappa += across(cell, cell + step.z, 2u);
-    } else {
-        by_kappa += surface(cell, 2u, true, face_z[high.z], column);
+    for (var a = 0u; a < 3u; a++) {
+        if place[a] > 0u {
+            by_kappa += across(cell, cell - step[a], a);
+        } else {
+            by_kappa += surface(cell, a, false, conductance(a, low[a]), column);
+        }
+        if place[a] + 1u < n[a] {
+            by_kappa += across(cell, cell + step[a], a);
+        } else {
+            by_kappa += surface(cell, a, true, conductance(a, high[a]), column);
+        }
     }
     var product = 0.0;
     for (var q = 0u; q < level.quads; q++) {

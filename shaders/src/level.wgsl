@@ -38,3 +38,11 @@ fn faces_above(place: vec3<u32>) -> vec3<u32> {
     let n = level.cells;
     return faces_below(place) + vec3(1u, n.x, n.x * n.y);
 }
+
+// Where an invocation stands.
+struct Invocation {
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+}

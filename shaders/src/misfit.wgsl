@@ -8,20 +8,13 @@
 @group(1) @binding(4) var<storage, read> weight: array<vec4<f32>>;
 @group(1) @binding(5) var<storage, read_write> by_radiance: array<vec4<f32>>;
 @group(1) @binding(6) var<storage, read_write> b: array<vec4<f32>>;
-@group(1) @binding(7) var<storage, read_write> sums: array<vec4<f32>>;
-
-var<workgroup> strip: array<vec4<f32>, 64>;
+@group(1) @binding(7) var<storage, read_write> partials: array<vec4<f32>>;
 
 @compute @workgroup_size(64)
-fn misfit(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
+fn misfit(at: Invocation) {
     var own = vec4(0.0);
-    if all(vec2(id.x / level.quads, id.y) < level.cells.xy) {
-        let i = id.y * level.cells.x * level.quads + id.x;
+    if all(vec2(at.id.x / level.quads, at.id.y) < level.cells.xy) {
+        let i = at.id.y * level.cells.x * level.quads + at.id.x;
         var gain = 1.0;
         if block.free_gain == 1u && totals[0].x > 0.0 {
             gain = totals[0].y / totals[0].x;
@@ -35,14 +28,5 @@ fn misfit(
         let seen = select(vec4(0.0), vec4(1.0), w > vec4(0.0));
         own = vec4(dot(w * r, r), dot(seen * r, r), 0.0, 0.0);
     }
-    strip[local] = own;
-    for (var half = 32u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            strip[local] += strip[local + half];
-        }
-    }
-    if local == 0u {
-        sums[group.y * groups.x + group.x] = strip[0];
-    }
+    add_up(at, own, 1u);
 }

@@ -10,25 +10,13 @@ fn value(place: vec3<u32>, i: u32) -> vec4<f32> {
     return x[i];
 }
 
+fn visit(place: vec3<u32>, cell: u32, i: u32) -> vec4<f32> {
+    let left = b[i] - absorption[cell] * x[i] + inflow(place, i, x[i]);
+    r[i] = left;
+    return left * left;
+}
+
 @compute @workgroup_size(64)
-fn residual(
-    @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
-    let column = vec2(id.x / level.quads, id.y);
-    var dot = vec4(0.0);
-    if all(column < level.cells.xy) {
-        let last = min((id.z + 1u) * level.planes, level.cells.z);
-        for (var z = id.z * level.planes; z < last; z++) {
-            let place = vec3(column, z);
-            let cell = cell_at(place);
-            let i = cell * level.quads + id.x % level.quads;
-            let left = b[i] - absorption[cell] * x[i] + inflow(place, i, x[i]);
-            r[i] = left;
-            dot += left * left;
-        }
-    }
-    add_up(local, group, groups, dot);
+fn residual(at: Invocation) {
+    add_up(at, walk(at.id), level.quads);
 }

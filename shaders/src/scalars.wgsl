@@ -1,34 +1,12 @@
-// The scalars of the conjugate gradients: adds up what the workgroups left in partials, and works
-// out what depends on it. One workgroup; an entry point for each place of the iteration.
+// The scalars of the conjugate gradients: adds up what the workgroups left, and works out what
+// depends on it. One workgroup; an entry point for each place of the iteration.
 // Twin: Krylov::run in diffusion/src/cpu/pcg.rs.
 
-@group(1) @binding(0) var<storage, read> partials: array<vec4<f32>>;
 @group(1) @binding(1) var<storage, read_write> scalars: Scalars;
-
-const THREADS: u32 = 256u;
-
-var<workgroup> strips: array<vec4<f32>, THREADS>;
-
-fn total(local: u32) -> vec4<f32> {
-    var sum = vec4(0.0);
-    // THREADS is a multiple of quads, so that every strip stays within one quadruple of lanes.
-    for (var i = local; i < arrayLength(&partials); i += THREADS) {
-        sum += partials[i];
-    }
-    strips[local] = sum;
-    for (var half = THREADS / 2u; half >= level.quads; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            strips[local] += strips[local + half];
-        }
-    }
-    workgroupBarrier();
-    return strips[local];
-}
 
 @compute @workgroup_size(THREADS)
 fn measure(@builtin(local_invocation_index) q: u32) {
-    let sum = total(q);
+    let sum = total(q, level.quads);
     if q < level.quads {
         scalars.norm2[q] = sum;
         scalars.spent[q] = vec4(0.0);
@@ -37,7 +15,7 @@ fn measure(@builtin(local_invocation_index) q: u32) {
 
 @compute @workgroup_size(THREADS)
 fn begin(@builtin(local_invocation_index) q: u32) {
-    let sum = total(q);
+    let sum = total(q, level.quads);
     if q < level.quads {
         let goal = max(scalars.tolerance2 * scalars.norm2[q], scalars.floor2 * sum);
         scalars.target2[q] = goal;
@@ -49,7 +27,7 @@ fn begin(@builtin(local_invocation_index) q: u32) {
 
 @compute @workgroup_size(THREADS)
 fn beta(@builtin(local_invocation_index) q: u32) {
-    let sum = total(q);
+    let sum = total(q, level.quads);
     if q < level.quads {
         let old = scalars.rz[q];
         let going = scalars.live[q] > vec4(0.0) & old > vec4(0.0);
@@ -60,7 +38,7 @@ fn beta(@builtin(local_invocation_index) q: u32) {
 
 @compute @workgroup_size(THREADS)
 fn alpha(@builtin(local_invocation_index) q: u32) {
-    let sum = total(q);
+    let sum = total(q, level.quads);
     if q < level.quads {
         let going = scalars.live[q] > vec4(0.0) & sum > vec4(0.0);
         scalars.alpha[q] = select(vec4(0.0), scalars.rz[q] / sum, going);
@@ -69,7 +47,7 @@ fn alpha(@builtin(local_invocation_index) q: u32) {
 
 @compute @workgroup_size(THREADS)
 fn settle(@builtin(local_invocation_index) q: u32) {
-    let sum = total(q);
+    let sum = total(q, level.quads);
     if q < level.quads {
         scalars.rr[q] = sum;
         scalars.spent[q] += scalars.live[q];

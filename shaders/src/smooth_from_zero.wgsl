@@ -12,17 +12,12 @@ fn value(place: vec3<u32>, i: u32) -> vec4<f32> {
     return inverse_diagonal[cell_at(place)] * b[i];
 }
 
+fn visit(place: vec3<u32>, cell: u32, i: u32) -> vec4<f32> {
+    x[i] = inverse_diagonal[cell] * (own * b[i] + others * inflow(place, i, vec4(0.0)));
+    return vec4(0.0);
+}
+
 @compute @workgroup_size(64)
 fn smooth_from_zero(@builtin(global_invocation_id) id: vec3<u32>) {
-    let column = vec2(id.x / level.quads, id.y);
-    if any(column >= level.cells.xy) {
-        return;
-    }
-    let last = min((id.z + 1u) * level.planes, level.cells.z);
-    for (var z = id.z * level.planes; z < last; z++) {
-        let place = vec3(column, z);
-        let cell = cell_at(place);
-        let i = cell * level.quads + id.x % level.quads;
-        x[i] = inverse_diagonal[cell] * (own * b[i] + others * inflow(place, i, vec4(0.0)));
-    }
+    walk(id);
 }

@@ -1,11 +1,9 @@
-// The smoothness of log κ and log μ: its gradient, and what it comes to, into sums.
+// The smoothness of log κ and log μ: its gradient, and what it comes to.
 // Twin: squared_gradient in diffusion/src/inverse/smoothness.rs.
 
 @group(1) @binding(1) var<storage, read> logs: array<f32>;
 @group(1) @binding(2) var<storage, read_write> out: array<f32>;
-@group(1) @binding(3) var<storage, read_write> sums: array<vec4<f32>>;
-
-var<workgroup> strip: array<vec4<f32>, 64>;
+@group(1) @binding(3) var<storage, read_write> partials: array<vec4<f32>>;
 
 // Σ over the faces of 2 c · step, and Σ over the faces above of c · step².
 fn bend(place: vec3<u32>, i: u32) -> vec2<f32> {
@@ -26,12 +24,8 @@ fn bend(place: vec3<u32>, i: u32) -> vec2<f32> {
 }
 
 @compute @workgroup_size(64)
-fn squared_gradient(
-    @builtin(global_invocation_id) place: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-) {
+fn squared_gradient(at: Invocation) {
+    let place = at.id;
     var own = vec4(0.0);
     if all(place < level.cells) {
         let cell = cell_at(place);
@@ -42,14 +36,5 @@ fn squared_gradient(
         out[count + cell] = of_mu.x;
         own = vec4(of_kappa.y, of_mu.y, 0.0, 0.0);
     }
-    strip[local] = own;
-    for (var half = 32u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if local < half {
-            strip[local] += strip[local + half];
-        }
-    }
-    if local == 0u {
-        sums[(group.z * groups.y + group.y) * groups.x + group.x] = strip[0];
-    }
+    add_up(at, own, 1u);
 }
