@@ -5,7 +5,7 @@ use crate::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use material::Overwrite;
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// What a command that went well has to say.
@@ -112,6 +112,20 @@ fn duration(seconds: f64) -> String {
         s if s < 5400.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.1} h", s / 3600.0),
     }
+}
+
+/// Files of these names in a folder, which is made if it is not there; fails before the work where
+/// they could not be written.
+pub(crate) fn outputs<const N: usize>(
+    folder: &Path,
+    names: [&str; N],
+    overwrite: Overwrite,
+) -> Result<[PathBuf; N], Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", folder.display())))?;
+    let paths = names.map(|name| folder.join(name));
+    paths.iter().try_for_each(|path| check_output(path, overwrite))?;
+    Ok(paths)
 }
 
 /// Fails before the work where its result could not be written: a file that is there and not to be

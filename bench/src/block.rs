@@ -1,6 +1,6 @@
 //! The blocks that are solved: W08's four samples by size, in a veined marble of ours.
 
-use diffusion::{Illuminations, Medium};
+use diffusion::Medium;
 use material::{Face, Grid};
 
 /// One of the grids of W08 Table II.
@@ -22,7 +22,7 @@ pub(crate) const TABLE_II: [Sample; 4] = [
 /// Edge of a cell, mm: about half a mean free path of the marble.
 const CELL_MM: f64 = 0.4;
 /// Regions along each side of the lit face.
-const REGIONS: usize = 4;
+pub(crate) const REGIONS: usize = 4;
 
 /// A grid of cubes.
 pub(crate) fn grid(cells: [usize; 3], refinement: usize) -> Result<Grid, material::GridError> {
@@ -45,14 +45,4 @@ pub(crate) fn marble(grid: &Grid, channel: usize) -> Medium {
     }
     // Both are exponentials of finite numbers.
     Medium::new(*grid, kappa, mu).expect("positive coefficients")
-}
-
-/// One pattern for each of 4 × 4 regions of the lit face.
-pub(crate) fn regions(grid: &Grid, lit: Face) -> Illuminations {
-    let [nx, ny, _] = grid.cells();
-    let region = |i: usize| (i / nx) * REGIONS / ny * REGIONS + (i % nx) * REGIONS / nx;
-    let map =
-        |r: usize| (0..grid.face_len()).map(|i| f64::from(u8::from(region(i) == r))).collect();
-    let maps = (0..REGIONS * REGIONS).map(map).collect();
-    Illuminations::new(grid, lit, maps).expect("maps fit the face")
 }

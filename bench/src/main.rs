@@ -9,7 +9,7 @@ mod block;
 mod measure;
 
 use clap::Parser;
-use diffusion::Gpu;
+use diffusion::DeviceChoice;
 use measure::{Bench, Row};
 use serde_json::json;
 use std::process::ExitCode;
@@ -27,9 +27,9 @@ use std::time::{Duration, Instant};
     after_help = "Examples:\n  diaphane-bench\n  diaphane-bench --device cpu --grids 1 --json"
 )]
 struct Args {
-    /// What does the work: gpu, gpu:NAME or cpu
+    /// What does the work: gpu, gpu:NAME, cpu, or auto (a GPU in hardware, else the CPU)
     #[arg(long, default_value = "gpu")]
-    device: String,
+    device: DeviceChoice,
     /// How many of the four grids, smallest first
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=4))]
     grids: u8,
@@ -56,12 +56,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), String> {
-    let gpu = match args.device.split_once(':') {
-        None if args.device == "cpu" => None,
-        None if args.device == "gpu" => Some(Gpu::open(None).map_err(|e| e.to_string())?),
-        Some(("gpu", name)) => Some(Gpu::open(Some(name)).map_err(|e| e.to_string())?),
-        _ => return Err(format!("--device: expected cpu, gpu or gpu:NAME, found {}", args.device)),
-    };
+    let gpu = args.device.gpu().map_err(|e| e.to_string())?;
     let device = gpu.as_ref().map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
     let bandwidth = match &gpu {
         None => bandwidth::of_cpu(),
@@ -73,7 +68,7 @@ fn run(args: &Args) -> Result<(), String> {
     }
     let began = Instant::now();
     let limit = Duration::try_from_secs_f64(args.limit).map_err(|e| format!("--limit: {e}"))?;
-    let mut bench = Bench::new(gpu, bandwidth);
+    let bench = Bench::new(gpu, bandwidth);
     let mut samples: Vec<_> = block::TABLE_II.iter().collect();
     samples.sort_by_key(|s| s.cells.iter().product::<usize>());
     let mut rows = Vec::new();

@@ -1,9 +1,9 @@
 //! What is measured on one grid.
 
-use crate::block::{Sample, grid, marble, regions};
+use crate::block::{REGIONS, Sample, grid, marble};
 use diffusion::{
-    Batch, CpuSolver, Evaluation, Forward, Gpu, GpuSolver, Illuminations, InverseSettings,
-    LinearSolver, Measurement, average, evaluate, evaluate_on_gpu, invert, invert_on_gpu,
+    CpuSolver, Evaluation, Forward, Gpu, GpuSolver, Illuminations, InverseSettings, LinearSolver,
+    Measurement, average, evaluate, evaluate_on_gpu, invert, invert_on_gpu,
 };
 use material::{Face, Grid, Optics};
 use rand::SeedableRng;
@@ -57,7 +57,7 @@ impl Bench {
         Self { gpu, bandwidth }
     }
 
-    pub fn row(&mut self, sample: &Sample, inverse: bool) -> Result<Row, String> {
+    pub fn row(&self, sample: &Sample, inverse: bool) -> Result<Row, String> {
         let Sample { cells, lit, paper_h } = *sample;
         let grid = grid(cells, 1).map_err(|e| e.to_string())?;
         let optics = Optics::from_eta(1.3);
@@ -126,15 +126,13 @@ impl Bench {
         };
         let mut forward =
             Forward::new(marble(&fine, channel), optics, &mut solver).map_err(|e| text(&e))?;
-        let light = regions(&fine, lit);
+        let light = Illuminations::regions(&fine, lit, REGIONS).map_err(|e| text(&e))?;
         let mut rng = ChaCha8Rng::seed_from_u64(SEED + channel as u64);
         let (mut radiance, mut variance) = (Vec::new(), Vec::new());
         // Four at a time: 16 would take four times the memory on the finer grid.
         for maps in light.maps().chunks(4) {
             let some = Illuminations::new(&fine, lit, maps.to_vec()).map_err(|e| text(&e))?;
-            let mut fluence = Batch::zeros(fine.len(), some.count());
-            forward.solve(&some, &mut fluence, TOLERANCE).map_err(|e| text(&e))?;
-            for image in forward.exit_radiance(&some, &fluence, Face::Front) {
+            for image in forward.images(&some, TOLERANCE).map_err(|e| text(&e))? {
                 let image = average(&fine, grid, &image);
                 let peak = image.iter().fold(0.0f64, |a, l| a.max(*l));
                 let mut noisy = Vec::with_capacity(image.len());
@@ -150,7 +148,7 @@ impl Bench {
                 variance.push(spread);
             }
         }
-        let light = regions(grid, lit);
+        let light = Illuminations::regions(grid, lit, REGIONS).map_err(|e| text(&e))?;
         if lit == Face::Front {
             // Pixels that are lit directly say nothing of what is below.
             for (spread, map) in variance.iter_mut().zip(light.maps()) {

@@ -40,16 +40,6 @@ fn block(grid: Grid) -> Medium {
     Medium::new(grid, kappa, mu).expect("κ and μ are positive")
 }
 
-/// One map for each of 4 × 4 regions.
-fn regions(grid: &Grid) -> Illuminations {
-    let [nx, ny, _] = grid.cells();
-    let region = |i: usize| (i / nx) * PATTERNS / ny * PATTERNS + (i % nx) * PATTERNS / nx;
-    let map =
-        |r: usize| (0..grid.face_len()).map(|i| f64::from(u8::from(region(i) == r))).collect();
-    let maps = (0..PATTERNS * PATTERNS).map(map).collect();
-    Illuminations::new(grid, Face::Back, maps).expect("maps fit the face")
-}
-
 fn forward(c: &mut Criterion) {
     let mut grids = vec![[64, 64, 20], [130, 53, 37]];
     if std::env::var_os("DIAPHANE_BENCH_LARGE").is_some() {
@@ -60,7 +50,10 @@ fn forward(c: &mut Criterion) {
     group.sample_size(10);
     for cells in grids {
         let grid = Grid::new(cells, [1.0; 3]).expect("a valid grid");
-        let (medium, light) = (block(grid), regions(&grid));
+        let (medium, light) = (
+            block(grid),
+            Illuminations::regions(&grid, Face::Back, PATTERNS).expect("maps fit the face"),
+        );
         group.throughput(Throughput::Elements((grid.len() * light.count()) as u64));
         let [nx, ny, nz] = cells;
         let mut solver = CpuSolver::<f32>::new();

@@ -84,6 +84,21 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         self.solver.solve(&b, fluence, tolerance)
     }
 
+    /// The front face under every pattern, one map each: [`Forward::solve`] from nothing, then
+    /// [`Forward::exit_radiance`].
+    ///
+    /// # Errors
+    /// As [`LinearSolver::solve`].
+    pub fn images(
+        &mut self,
+        light: &Illuminations,
+        tolerance: f64,
+    ) -> Result<Vec<Vec<f64>>, SolveError> {
+        let mut fluence = Batch::zeros(self.medium.grid().len(), light.count());
+        self.solve(light, &mut fluence, tolerance)?;
+        Ok(self.exit_radiance(light, &fluence, Face::Front))
+    }
+
     /// Solves A x = b for any right-hand side (the adjoint problem has the same matrix).
     ///
     /// # Errors

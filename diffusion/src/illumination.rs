@@ -62,6 +62,18 @@ impl Illuminations {
         Ok(Self { face, maps })
     }
 
+    /// `across` × `across` regions of a face, lit with 1 one after the other, rows of x first.
+    ///
+    /// # Errors
+    /// `across` is 0.
+    pub fn regions(grid: &Grid, face: Face, across: usize) -> Result<Self, IlluminationError> {
+        let [nx, ny, _] = grid.cells();
+        let region = |i: usize| (i / nx) * across / ny * across + (i % nx) * across / nx;
+        let map =
+            |r: usize| (0..grid.face_len()).map(|i| f64::from(u8::from(region(i) == r))).collect();
+        Self::new(grid, face, (0..across * across).map(map).collect())
+    }
+
     /// The lit face.
     pub fn face(&self) -> Face {
         self.face

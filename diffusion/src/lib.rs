@@ -23,7 +23,7 @@ pub use batch::Batch;
 pub use bssrdf::{BssrdfError, average, bssrdf_error};
 pub use cpu::{CpuSolver, Real};
 pub use forward::Forward;
-pub use gpu::{Gpu, GpuError, GpuSolver};
+pub use gpu::{DeviceChoice, Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
     Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError,

@@ -137,20 +137,6 @@ impl Operator {
         self.diagonal.len()
     }
 
-    /// Conductance between every cell and the next one along an axis (0 x, 1 y, 2 z), mm²; 0 in
-    /// the last cell of a row.
-    ///
-    /// # Panics
-    /// If there is no such axis.
-    pub fn links(&self, axis: usize) -> &[f64] {
-        &self.link[axis]
-    }
-
-    /// Diagonal of the matrix, mm²: all conductances of a cell, and μ times its volume.
-    pub fn diagonal(&self) -> &[f64] {
-        &self.diagonal
-    }
-
     /// Boundary conductance g · A_f of every cell of the front or back face, mm².
     pub fn face_conductance(&self, face: Face) -> &[f64] {
         &self.edge[2][match face {

@@ -38,11 +38,7 @@ fn block(grid: &Grid) -> Medium {
 
 /// One map for each of 4 × 4 regions of the back face.
 fn regions(grid: &Grid) -> Illuminations {
-    let [nx, ny, _] = grid.cells();
-    let region = |i: usize| (i / nx) * 4 / ny * 4 + (i % nx) * 4 / nx;
-    let map =
-        |r: usize| (0..grid.face_len()).map(|i| f64::from(u8::from(region(i) == r))).collect();
-    Illuminations::new(grid, Face::Back, (0..16).map(map).collect()).unwrap()
+    Illuminations::regions(grid, Face::Back, 4).unwrap()
 }
 
 /// Noisy images of the fine block on the coarse grid, all times `gain`, and their variances.

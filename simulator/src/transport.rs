@@ -2,7 +2,7 @@
 
 use crate::monte_carlo::{MonteCarlo, TransportError};
 use crate::scene::SceneError;
-use diffusion::{Batch, CpuSolver, Forward, Illuminations, Medium};
+use diffusion::{CpuSolver, Forward, Illuminations, Medium};
 use material::{Face, Optics};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -127,10 +127,8 @@ impl LitBlock {
             }
             let mut solver = CpuSolver::<f32>::new();
             let mut forward = Forward::new(medium.clone(), &self.optics, &mut solver)?;
-            let mut fluence = Batch::zeros(medium.grid().len(), 1);
             // A tenth of the noise of the best pixel of a bracket.
-            forward.solve(&light, &mut fluence, 1e-6)?;
-            Ok(forward.exit_radiance(&light, &fluence, Face::Front).swap_remove(0))
+            Ok(forward.images(&light, 1e-6)?.swap_remove(0))
         };
         let maps = Arc::new((0..self.media.len()).map(one).collect::<Result<Vec<_>, _>>()?);
         if self.photons.is_some() {

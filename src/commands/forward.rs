@@ -2,9 +2,8 @@
 //! compared with ours.
 
 use crate::Failure;
-use crate::compute::Device;
 use crate::output::{Done, check_output};
-use diffusion::{Batch, Forward, Illuminations, Medium, SolveReport};
+use diffusion::{Batch, DeviceChoice, Forward, Illuminations, Medium, SolveReport};
 use material::npz::{self, NpzReader};
 use material::{BoundaryConvention, Face, FileError, Grid, LateralBoundary, Optics, Overwrite};
 use serde_json::json;
@@ -29,7 +28,7 @@ pub(crate) struct Args {
     output: PathBuf,
     /// What does the work: auto (a GPU in hardware, else the CPU), cpu, gpu or gpu:NAME
     #[arg(long, default_value = "auto")]
-    device: Device,
+    device: DeviceChoice,
     /// Largest residual of every field, relative to its right-hand side
     #[arg(long, default_value_t = 1e-6)]
     rtol: f64,
@@ -56,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let Problem { medium, optics, light } = read(&args.input)?;
     let grid = *medium.grid();
 
-    let (mut solver, device) = args.device.solver(args.rtol)?;
+    let (mut solver, device) = crate::compute::solver(&args.device, args.rtol)?;
     let started = Instant::now();
     let mut forward = Forward::new(medium, &optics, &mut solver)?;
     let mut fluence = Batch::zeros(grid.len(), light.count());

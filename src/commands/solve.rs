@@ -3,15 +3,14 @@
 use crate::Failure;
 use crate::adaptive::CHOICE;
 use crate::cli::STOP;
-use crate::compute::Device;
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
 use crate::regime;
 use crate::session::Session;
 use clap::ValueEnum;
 use diffusion::{
-    CpuSolver, Illuminations, Inverse, InverseError, InverseSettings, Lambda, Measurement, Method,
-    Stage, invert, invert_on_gpu,
+    CpuSolver, DeviceChoice, Illuminations, Inverse, InverseError, InverseSettings, Lambda,
+    Measurement, Method, Stage, invert, invert_on_gpu,
 };
 use material::{Channel, Input, Material, Overwrite, Provenance};
 use serde::{Deserialize, Serialize};
@@ -56,7 +55,7 @@ pub(crate) struct Options {
     max_evaluations: usize,
     /// What does the work: auto (a GPU in hardware, else the CPU), cpu, gpu or gpu:NAME
     #[arg(long, default_value = "auto")]
-    device: Device,
+    device: DeviceChoice,
 }
 
 impl Options {
@@ -67,7 +66,7 @@ impl Options {
             lambda: None,
             free_gain: false,
             max_evaluations: 400,
-            device: Device::Auto,
+            device: DeviceChoice::Auto,
         }
     }
 }

@@ -3,8 +3,7 @@
 use super::transport::{Case, Series};
 use crate::Failure;
 use diffusion::{
-    Batch, CpuSolver, Forward, Illuminations, InverseSettings, Measurement, Progress, average,
-    invert,
+    CpuSolver, Forward, Illuminations, InverseSettings, Measurement, Progress, average, invert,
 };
 use material::{Face, Grid, LateralBoundary, Optics};
 use serde::Serialize;
@@ -182,9 +181,7 @@ impl Pictures {
         let found = invert(&grid, &optics, &measured, &settings, &mut solver, &mut go_on)?;
         let medium = diffusion::Medium::new(grid, found.kappa_mm.clone(), found.mu_per_mm.clone())?;
         let mut forward = Forward::new(medium, &optics, &mut solver)?;
-        let mut fluence = Batch::zeros(grid.len(), light.count());
-        forward.solve(&light, &mut fluence, 1e-6)?;
-        let images = forward.exit_radiance(&light, &fluence, Face::Front);
+        let images = forward.images(&light, 1e-6)?;
         let held_out: Vec<HeldOut> = (fitted..light.count())
             .map(|m| {
                 let size = sum(&square, &halves[m..=m]);

@@ -1,6 +1,7 @@
 //! The GPU backend: the same multigrid-preconditioned conjugate gradients as on the CPU, by WGSL
 //! kernels through wgpu (Vulkan, Metal, DX12).
 
+mod choice;
 mod device;
 mod error;
 mod kernels;
@@ -12,6 +13,7 @@ mod objective;
 mod tests;
 mod vector;
 
+pub use choice::DeviceChoice;
 pub use device::Gpu;
 pub use error::GpuError;
 pub(crate) use objective::OnGpu;

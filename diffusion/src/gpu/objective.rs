@@ -39,8 +39,8 @@ struct Patterns {
     illuminate: Pass,
     /// Radiance of the front face, and its sums.
     look: Vec<Pass>,
-    /// Misfit, adjoint right-hand side.
-    compare: Vec<Pass>,
+    /// Adjoint right-hand side and misfit, and the misfit's sums.
+    compare: [Pass; 2],
     /// Onto the gradient by κ and μ.
     contract: Vec<Pass>,
 }
@@ -175,7 +175,7 @@ impl GpuObjective {
                     ),
                     add(Kernel::AddOfRadiance, by_pixel),
                 ];
-                let compare = vec![
+                let compare = [
                     pass(
                         Kernel::Misfit,
                         &[
@@ -316,7 +316,7 @@ impl Objective for GpuObjective {
         self.clear(&[&self.slopes]);
         for k in 0..self.patterns.len() {
             self.clear(&[&self.krylov.b]);
-            self.submit(&self.patterns[k].compare);
+            self.submit(&self.patterns[k].compare[..1]);
             let patterns = &mut self.patterns[k];
             let taken = self.krylov.solve_rounded(&self.gpu, &mut patterns.adjoint, tolerance)?;
             self.work.add_solve(patterns.count, &taken.report(patterns.count));

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::SampleSpec;
-use diffusion::{Batch, CpuSolver, Forward};
+use diffusion::{CpuSolver, Forward};
 use material::{Face, Grid, Illumination};
 use std::f64::consts::PI;
 
@@ -174,9 +174,7 @@ fn thick_bright_blocks_agree_with_diffusion() {
         let light = Illuminations::new(&grid, Face::Back, vec![vec![1.0; 4]]).unwrap();
         let mut solver = CpuSolver::<f64>::new();
         let mut forward = Forward::new(medium.clone(), &optics, &mut solver).unwrap();
-        let mut fluence = Batch::zeros(grid.len(), 1);
-        forward.solve(&light, &mut fluence, 1e-8).unwrap();
-        let expected = mean(&forward.exit_radiance(&light, &fluence, Face::Front)[0]);
+        let expected = mean(&forward.images(&light, 1e-8).unwrap()[0]);
         for g in [0.0, 0.6] {
             let block = MonteCarlo::new(&medium, &optics, g).unwrap();
             let found = mean(&block.radiance(&light, 400_000, [4; 32]).unwrap()[0].radiance);

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::cli::STOP;
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, outputs};
 use crate::study::acquired::{Acquired, Pictures};
 use material::{Overwrite, atomic_write};
 use serde_json::json;
@@ -47,10 +47,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(cell) = args.cells.iter().find(|cell| ![0.5, 1.0, 2.0].contains(*cell)) {
         return Err(Failure::input(format!("--cells: expected 0.5, 1 or 2, found {cell}")));
     }
-    let csv = args.out.join("acquired.csv");
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", args.out.display())))?;
-    crate::output::check_output(&csv, overwrite)?;
+    let [csv] = outputs(&args.out, ["acquired.csv"], overwrite)?;
     let mut rows = Vec::new();
     for &eta in &args.eta {
         let mut progress = Progress::new("photons", Pictures::count());

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::cli::STOP;
 use crate::commands::init::SampleName;
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, outputs};
 use crate::session::PlanConfig;
 use crate::study::drawing::draw;
 use crate::study::plans::{Light, PlanKind, Row, Study};
@@ -46,12 +46,7 @@ const LEVELS: [f64; 7] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let (csv, svg) = (args.out.join("plans.csv"), args.out.join("plans.svg"));
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", args.out.display())))?;
-    for path in [&csv, &svg] {
-        crate::output::check_output(path, overwrite)?;
-    }
+    let [csv, svg] = outputs(&args.out, ["plans.csv", "plans.svg"], overwrite)?;
     let plan = PlanConfig::default();
     let sample = SampleSpec { kind: args.sample.kind(), seed: args.seed };
     let study = Study::new(&sample, plan.regions, plan.bracket_s, args.step)?;

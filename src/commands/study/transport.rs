@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::cli::STOP;
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, outputs};
 use crate::study::transport::{Case, GOAL, Row, cases, draw, measure};
 use material::{Face, LateralBoundary, Overwrite, atomic_write};
 use serde_json::json;
@@ -36,12 +36,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let (csv, svg) = (args.out.join("transport.csv"), args.out.join("transport.svg"));
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", args.out.display())))?;
-    for path in [&csv, &svg] {
-        crate::output::check_output(path, overwrite)?;
-    }
+    let [csv, svg] = outputs(&args.out, ["transport.csv", "transport.svg"], overwrite)?;
     let cases = cases();
     let mut progress = Progress::new("study", cases.len());
     let mut rows = Vec::new();

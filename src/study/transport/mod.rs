@@ -7,7 +7,7 @@ pub(crate) use cases::{Case, Series, cases};
 pub(crate) use drawing::draw;
 
 use crate::Failure;
-use diffusion::{Batch, CpuSolver, Forward, Illuminations, average};
+use diffusion::{CpuSolver, Forward, Illuminations, average};
 use material::{Face, Grid, Optics};
 use serde::Serialize;
 use simulator::MonteCarlo;
@@ -57,9 +57,7 @@ pub(crate) fn measure(case: &Case, photons: u64, seed: u64) -> Result<Row, Failu
     let diffused = |share: f64| -> Result<Vec<f64>, Failure> {
         let mut solver = CpuSolver::<f32>::new();
         let mut forward = Forward::new(case.medium(&grid, share)?, &optics, &mut solver)?;
-        let mut fluence = Batch::zeros(grid.len(), 1);
-        forward.solve(&spot, &mut fluence, 1e-7)?;
-        Ok(forward.exit_radiance(&spot, &fluence, Face::Front).swap_remove(0))
+        Ok(forward.images(&spot, 1e-7)?.swap_remove(0))
     };
 
     let block = MonteCarlo::new(&case.medium(&fine, 1.0)?, &optics, 0.0).map_err(Failure::other)?;
