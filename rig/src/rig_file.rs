@@ -4,14 +4,16 @@ mod assemble;
 mod camera;
 mod check;
 mod open;
+mod source;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 pub use camera::CameraConfig;
 pub use open::{Address, SimulatedDevices};
+use source::{Mistake, Source};
 
 use crate::devices::{Coordinate, Degrees, Millimetres, Range, StageAxis};
 
@@ -30,11 +32,15 @@ pub enum RigFileError {
         source: std::io::Error,
     },
     /// It is no TOML, or has a key that is not known or of the wrong type.
-    #[error("{}: {message}", path.display())]
+    #[error("{}{message}", at(path, *line, key.as_deref()))]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where and what, with the keys that there are.
+        /// Where, counted from 1, as far as it is known.
+        line: Option<usize>,
+        /// The key, from the root of the file; none where the file is no TOML.
+        key: Option<String>,
+        /// What, with the keys that there are.
         message: String,
     },
     /// It was written for a later version.
@@ -46,10 +52,12 @@ pub enum RigFileError {
         found: u32,
     },
     /// A value makes no sense.
-    #[error("{}: {key}: expected {expected}, found {found}", path.display())]
+    #[error("{}expected {expected}, found {found}", at(path, *line, Some(key)))]
     Value {
         /// The file.
         path: PathBuf,
+        /// Where, counted from 1, if the key is in the file.
+        line: Option<usize>,
         /// The key, from the root of the file.
         key: String,
         /// What it may be.
@@ -59,8 +67,18 @@ pub enum RigFileError {
     },
 }
 
+/// File, line and key, each with a colon and a space.
+fn at(path: &Path, line: Option<usize>, key: Option<&str>) -> String {
+    let line = line.map_or(String::new(), |line| format!("line {line}: "));
+    let key = key.map_or(String::new(), |key| format!("{key}: "));
+    format!("{}: {line}{key}", path.display())
+}
+
 /// A rig, as `rig.toml` describes it. A part that is missing is not there.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+///
+/// Parts with a `driver` are read by [`RigFile::parse`] alone: it brings them into the form that
+/// serde keeps the places of mistakes in.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigFile {
     /// Layout of the file.
@@ -76,13 +94,13 @@ pub struct RigFile {
     #[serde(default)]
     pub hands: HandsConfig,
     /// Where the stage goes for each kind of target; where nothing is said, it stays.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default)]
     pub places: Vec<PlaceConfig>,
 }
 
 /// `[hands]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum HandsConfig {
     /// Whoever sits at the terminal is asked.
     Person {},
@@ -105,7 +123,7 @@ impl Default for HandsConfig {
 }
 
 /// `[[places]]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlaceConfig {
     /// Of which targets.
@@ -115,7 +133,7 @@ pub struct PlaceConfig {
 }
 
 /// Targets that belong to one place.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PlaceTarget {
     /// The block.
@@ -149,7 +167,7 @@ fn hands_limit_s() -> f64 {
 }
 
 /// `[projector]`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProjectorConfig {
     /// Where its picture comes from.
@@ -159,8 +177,8 @@ pub struct ProjectorConfig {
 }
 
 /// `[projector.display]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum DisplayConfig {
     /// The one of the simulated rig.
     Simulated {},
@@ -178,8 +196,8 @@ pub enum DisplayConfig {
 
 /// `[projector.control]`. `input` is selected once the projector is on; `warm_up_s` is the longest
 /// time that it may take.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ControlConfig {
     /// A projector in software.
     Simulated {
@@ -249,8 +267,8 @@ pub enum ControlConfig {
 }
 
 /// `[stage]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum StageConfig {
     /// A stage in software.
     Simulated {
@@ -280,7 +298,7 @@ pub enum StageConfig {
 }
 
 /// The unit of an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Unit {
     /// Millimetres.
@@ -290,7 +308,7 @@ pub enum Unit {
 }
 
 /// `[[stage.axes]]` of a stage in software.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
     /// What it is called.
@@ -304,7 +322,7 @@ pub struct AxisConfig {
 }
 
 /// `[[stage.axes]]` of a GRBL controller.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrblAxisConfig {
     /// What it is called.
@@ -321,7 +339,7 @@ pub struct GrblAxisConfig {
 }
 
 /// An axis of a GRBL controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub enum Letter {
     /// The first.
     X,
@@ -332,7 +350,7 @@ pub enum Letter {
 }
 
 /// `[[stage.axes]]` of a Zaber chain.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ZaberAxisConfig {
     /// What it is called.
@@ -393,21 +411,20 @@ impl RigFile {
     /// # Errors
     /// Those of `read`.
     pub fn parse(path: &Path, text: &str) -> Result<Self, RigFileError> {
-        let syntax = |error: toml::de::Error| {
-            let message = error.to_string().trim().to_owned();
-            RigFileError::Syntax { path: path.into(), message }
+        let syntax = |Mistake { line, key, message }| RigFileError::Syntax {
+            path: path.into(),
+            line,
+            key,
+            message,
         };
+        let source = Source::parse(text).map_err(syntax)?;
         // The version first: a newer file may well hold keys that mean nothing here.
-        #[derive(Deserialize)]
-        struct Version {
-            version: u32,
-        }
-        let found = toml::from_str::<Version>(text).map_err(syntax)?.version;
+        let found = source.version().map_err(syntax)?;
         if found > VERSION {
             return Err(RigFileError::Newer { path: path.into(), found });
         }
-        let file: Self = toml::from_str(text).map_err(syntax)?;
-        file.check().map_err(|problem| problem.at(path))?;
+        let file = source.read().map_err(syntax)?;
+        file.check().map_err(|problem| problem.at(path, &source))?;
         Ok(file)
     }
 }

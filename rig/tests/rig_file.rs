@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rig::{ControlConfig, RigFile, RigFileError, StageConfig};
+use rig::{CameraConfig, ControlConfig, RigFile, RigFileError, StageConfig};
 
 fn parse(text: &str) -> Result<RigFile, RigFileError> {
     RigFile::parse(Path::new("rig.toml"), text)
@@ -29,15 +29,14 @@ axes = [
 "#;
 
 #[test]
-fn a_whole_rig_is_read_and_written_back() {
+fn a_whole_rig_is_read() {
     let file = parse(WHOLE).unwrap();
     let Some(ControlConfig::Pjlink { port, warm_up_s, .. }) = &file.projector.control else {
         panic!("{file:?}");
     };
     assert_eq!((*port, *warm_up_s), (4352, 180.0));
     assert!(matches!(&file.stage, Some(StageConfig::Zaber { baud: 115_200, .. })));
-    let again = parse(&toml::to_string(&file).unwrap()).unwrap();
-    assert_eq!(again, file);
+    assert_eq!(file.stage.unwrap().axes()[1].name, "turn");
 }
 
 #[test]
@@ -99,9 +98,13 @@ roi = [8, 16, 640, 480]
 "#;
 
 #[test]
-fn a_camera_is_read_and_written_back_and_its_slips_are_named() {
+fn a_camera_is_read_and_its_slips_are_named() {
     let file = parse(CAMERA).unwrap();
-    assert_eq!(parse(&toml::to_string(&file).unwrap()).unwrap(), file);
+    let Some(CameraConfig::Aravis { pixel_format, gain, roi, .. }) = file.camera else {
+        panic!("{:?}", file.camera);
+    };
+    assert_eq!(pixel_format.as_deref(), Some("BayerRG12"));
+    assert_eq!((gain, roi), (Some(3.0), Some([8, 16, 640, 480])));
     for (from, to, key) in [
         ("\"acA1920\"", "\" \"", "camera.name"),
         ("\"40012345\"", "\"\"", "camera.serial"),
@@ -127,7 +130,11 @@ fn a_video_device_is_read_and_its_slips_are_named() {
     let video = "version = 1\n[camera]\ndriver = \"v4l\"\ndevice = \"/dev/video0\"\n\
         pixel_format = \"Y10\"\nsize = [640, 480]\ngain = 2\n";
     let file = parse(video).unwrap();
-    assert_eq!(parse(&toml::to_string(&file).unwrap()).unwrap(), file);
+    let Some(CameraConfig::V4l { device, size, gain, .. }) = file.camera else {
+        panic!("{:?}", file.camera);
+    };
+    assert_eq!(device.as_deref(), Some("/dev/video0"));
+    assert_eq!((size, gain), (Some([640, 480]), Some(2)));
     for (from, to, key) in [
         ("\"/dev/video0\"", "\" \"", "camera.device"),
         ("\"Y10\"", "\"Mono10\"", "camera.pixel_format"),
@@ -140,6 +147,64 @@ fn a_video_device_is_read_and_its_slips_are_named() {
             other => panic!("{to}: {other:?}"),
         }
     }
+}
+
+/// Whatever is wrong, it is told with the file, the line that it stands on and its key.
+#[test]
+fn mistakes_are_told_by_file_line_and_key() {
+    let lines = |text: &str, word: &str| {
+        1 + text.lines().position(|line| line.contains(word)).unwrap_or_else(|| panic!("{word}"))
+    };
+    for (from, to, key, words) in [
+        ("port = \"/dev/ttyUSB0\"", "port = 5", "stage.port", "expected text in quotes"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"/dev/x\"\nbaud = \"fast\"", "stage.baud", "\"fast\""),
+        ("port = \"/dev/ttyUSB0\"", "port = \"/dev/x\"\nbaud = -1", "stage.baud", "whole number"),
+        ("port = \"/dev/ttyUSB0\"", "port = \"/dev/x\"\nspeed = 1", "stage.speed", "baud"),
+        (
+            "input = \"31\"",
+            "port = \"abc\"",
+            "projector.control.port",
+            "a whole number from 0 to 65535",
+        ),
+        ("input = \"31\"", "warm_up_s = true", "projector.control.warm_up_s", "expected a number"),
+        ("host = \"192.168.0.20\"", "hots = \"x\"", "projector.control.hots", "host"),
+        ("driver = \"zaber\"", "driver = 3", "stage.driver", "in quotes"),
+        ("driver = \"zaber\"", "driver = \"newport\"", "stage.driver", "`grbl`"),
+        ("[stage]", "[stages]", "stages", "`stage`"),
+        ("device = 2", "device = \"two\"", "stage.axes[1].device", "0 to 255"),
+        ("device = 2", "device = 2, speed = 1", "stage.axes[1].speed", "step"),
+        ("range = [0.0, 150.0]", "range = [0.0, \"far\"]", "stage.axes[0].range[1]", "\"far\""),
+        // And those that are of the right type.
+        ("device = 2", "device = 0", "stage.axes[1].device", "1 to 99"),
+        ("input = \"31\"", "input = \"hdmi\"", "projector.control.input", "two digits"),
+        ("version = 1", "version = \"one\"", "version", "whole number"),
+    ] {
+        assert!(WHOLE.contains(from), "{from}");
+        let text = WHOLE.replacen(from, to, 1);
+        let error = parse(&text).unwrap_err().to_string();
+        let line = lines(&text, to.lines().last().unwrap());
+        let start = format!("rig.toml: line {line}: {key}: ");
+        assert!(error.starts_with(&start) && error.contains(words), "{start}: {error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
+    // What is missing is told with the part that it is missing from.
+    for (without, start, words) in [
+        ("host = \"192.168.0.20\"\n", "rig.toml: line 7: projector.control: ", "`host`"),
+        ("driver = \"pjlink\"\n", "rig.toml: line 7: projector.control: ", "`driver`"),
+        (", step = 2.3e-4", "rig.toml: line 17: stage.axes[1]: ", "`step`"),
+        ("version = 1\n", "rig.toml: ", "`version`"),
+    ] {
+        assert!(WHOLE.contains(without), "{without}");
+        let error = parse(&WHOLE.replacen(without, "", 1)).unwrap_err().to_string();
+        assert!(error.starts_with(start) && error.contains(words), "{start}: {error}");
+    }
+    // No TOML at all.
+    let error = parse("version = 1\n[camera]\ndriver = simulated\n").unwrap_err().to_string();
+    assert!(error.starts_with("rig.toml: line 3: "), "{error}");
+    // Parts below headers of their own.
+    let places = format!("{}\n[[places]]\ntarget = \"away\"\nat = {{ x = \"far\" }}\n", WHOLE);
+    let error = parse(&places).unwrap_err().to_string();
+    assert!(error.contains("places[0].at.x: ") && error.contains("line 22"), "{error}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! `[camera]` of a rig file.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::SimulatedDevices;
 use super::check::{Problem, wrong};
@@ -15,8 +15,8 @@ use crate::{Camera, DeviceError};
 
 /// `[camera]`. All drivers are known, whether this program was built with them or not, so that a
 /// file means the same everywhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "driver", rename_all = "kebab-case", deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum CameraConfig {
     /// The one of the simulated rig.
     Simulated {},

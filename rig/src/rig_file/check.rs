@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::source::Source;
 use super::{ControlConfig, DisplayConfig, RigFile, RigFileError, StageConfig};
 
 /// A value that is wrong, in a file that is not named yet.
@@ -12,9 +13,10 @@ pub(super) struct Problem {
 }
 
 impl Problem {
-    pub fn at(self, path: &Path) -> RigFileError {
+    pub fn at(self, path: &Path, source: &Source<'_>) -> RigFileError {
         let Self { key, expected, found } = self;
-        RigFileError::Value { path: path.into(), key, expected, found }
+        let line = source.line_of(&key);
+        RigFileError::Value { path: path.into(), line, key, expected, found }
     }
 }
 
