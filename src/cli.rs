@@ -127,9 +127,10 @@ pub fn main() -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(failure) => {
-            eprintln!("error: {}", failure.error);
+            // Further lines below the first.
+            eprintln!("error: {}", failure.error.replace('\n', "\n       "));
             if let Some(hint) = &failure.hint {
-                eprintln!(" hint: {hint}");
+                eprintln!(" hint: {}", hint.replace('\n', "\n       "));
             }
             if cli.json {
                 println!("{}", failure.json());

@@ -31,7 +31,8 @@ pub(crate) fn open(session: &Session) -> Result<Rig, Failure> {
     }
 }
 
-/// The devices of a rig file, ready to work; a second Ctrl-C parks them from here on.
+/// The devices of a rig file, which was called `name` or is that of a session called so, ready to
+/// work; a second Ctrl-C parks them from here on.
 pub(crate) fn assemble(file: &RigFile, name: &str) -> Result<Rig, Failure> {
     let mut progress = Progress::new("rig", 0);
     let person: Box<dyn Bench> = Box::new(Technician::default());
@@ -40,6 +41,11 @@ pub(crate) fn assemble(file: &RigFile, name: &str) -> Result<Rig, Failure> {
         !STOP.load(Ordering::Relaxed)
     });
     let (rig, parking) = opened.map_err(|error| {
+        if STOP.load(Ordering::Relaxed) {
+            let error =
+                format!("interrupted before the rig was ready, no picture was taken: {error}");
+            return Failure::other(error).hint("the same command goes on from here");
+        }
         Failure::other(error)
             .hint(format!("what is there, and what is in the way: diaphane rig list {name}"))
     })?;

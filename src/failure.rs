@@ -158,6 +158,11 @@ impl From<diffusion::InverseError> for Failure {
 impl From<rig::RunError> for Failure {
     fn from(error: rig::RunError) -> Self {
         match error {
+            rig::RunError::Device { ref source, .. }
+                if source.kind() == rig::DeviceErrorKind::Declined =>
+            {
+                Self::other(error).hint("see to that and run the same command again: nothing is lost")
+            }
             rig::RunError::Device { .. } => Self::other(error)
                 .hint("mend the device and run the same command again: nothing is lost"),
             rig::RunError::OtherSettings { .. } => Self::input(error).hint(

@@ -310,6 +310,12 @@ pub enum DeviceError {
         /// What it reports.
         reason: String,
     },
+    /// It does not know where it is, as after every start of a stage with switches.
+    #[error("{device}: it does not know where it is until it is homed")]
+    NotHomed {
+        /// The device.
+        device: String,
+    },
     /// Somebody said no.
     #[error("{device}: declined: {reason}")]
     Declined {
@@ -352,6 +358,8 @@ pub enum DeviceErrorKind {
     Unsupported,
     /// Not before somebody has looked at it.
     Fault,
+    /// Not before it is homed.
+    NotHomed,
     /// Not wanted.
     Declined,
 }
@@ -382,6 +390,7 @@ impl DeviceError {
             Self::Protocol { .. } | Self::BadFrame { .. } => DeviceErrorKind::Protocol,
             Self::Unsupported { .. } => DeviceErrorKind::Unsupported,
             Self::Fault { .. } => DeviceErrorKind::Fault,
+            Self::NotHomed { .. } => DeviceErrorKind::NotHomed,
             Self::Declined { .. } => DeviceErrorKind::Declined,
         }
     }

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use common::*;
 use rig::{
-    DeviceError, DeviceErrorKind, Event, Outcome, Pattern, RunError, RunOptions, Shot, StopStatus,
-    read_frame, run,
+    Bench, DeviceError, DeviceErrorKind, Event, Outcome, Pattern, RunError, RunOptions, Shot,
+    StopStatus, Target, read_frame, read_journal, run,
 };
 
 #[test]
@@ -197,6 +197,45 @@ fn passing_failures_are_sat_out_and_lasting_ones_reported() {
         assert_eq!(outcome, Outcome { taken: FRAMES - 4, kept: 4, missing: 0 });
         assert_eq!(files(folder.path()), reference());
     }
+}
+
+/// Somebody who is asked to put a thing in place and stops instead.
+struct Stopping(&'static AtomicBool);
+
+impl Bench for Stopping {
+    fn place(&mut self, target: &Target) -> Result<(), DeviceError> {
+        if *target != Target::Sample {
+            return Ok(());
+        }
+        self.0.store(true, Ordering::Relaxed);
+        Err(DeviceError::Declined { device: "technician".into(), reason: "stopped".into() })
+    }
+}
+
+#[test]
+fn who_stops_at_a_placement_has_interrupted_the_run_and_not_broken_it() {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    let folder = tempfile::tempdir().unwrap();
+    let (mut rig, _) = fake();
+    rig.bench = Box::new(Stopping(&STOP));
+    let face = |[x, y]: [f64; 2]| Some([x / 16.0, y / 8.0]);
+    let options = |stop| RunOptions { face_map: Some(&face), ..RunOptions::new(stop) };
+    let outcome = run(&plan(), &mut rig, folder.path(), options(&STOP), &mut |_| {});
+    assert_eq!(outcome.unwrap(), Outcome { taken: 2, kept: 0, missing: FRAMES - 2 });
+    let entries = read_journal(&folder.path().join("journal.jsonl")).unwrap().entries;
+    let last = &entries.last().unwrap().event;
+    assert!(matches!(last, Event::Stopped { status: StopStatus::Stopped, .. }), "{last:?}");
+    assert!(
+        !entries
+            .iter()
+            .any(|entry| matches!(&entry.event, Event::Placed { target: Target::Sample, .. }))
+    );
+
+    // The same without being asked to stop is a failure.
+    STOP.store(false, Ordering::Relaxed);
+    let no = AtomicBool::new(false);
+    let refused = run(&plan(), &mut rig, folder.path(), options(&no), &mut |_| {});
+    assert!(matches!(refused, Err(RunError::Device { .. })), "{refused:?}");
 }
 
 #[test]

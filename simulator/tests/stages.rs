@@ -61,7 +61,7 @@ fn bench(protocol: &str, speed: f64) -> Bench {
         other => panic!("no protocol {other}"),
     };
     let lost = driver.position(0).unwrap_err();
-    assert_eq!(lost.kind(), DeviceErrorKind::Fault, "{protocol}: {lost}");
+    assert_eq!(lost.kind(), DeviceErrorKind::NotHomed, "{protocol}: {lost}");
     driver.home(LIMIT).unwrap();
     Bench { driver, wire, stage }
 }

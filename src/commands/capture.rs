@@ -7,7 +7,7 @@ use crate::commands::calibrate;
 use crate::devices;
 use crate::output::{Done, Progress};
 use crate::session::Session;
-use rig::{Outcome, Plan, Rig, RunOptions, Step};
+use rig::{Outcome, Plan, Rig, RunOptions, Step, Target};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -104,16 +104,40 @@ fn shoot(
     };
     let frames = plan.shots.iter().map(rig::Shot::frames).sum();
     let mut progress = Progress::new(label, frames);
+    let mut asked = None;
     let outcome = rig::run(plan, rig, session.folder(), options, &mut |p| {
+        asked = asked_for(asked, &p.step);
         tell(&mut progress, &p);
     })?;
     if outcome.missing > 0 {
-        let error = format!("interrupted: {} of {} frames are missing", outcome.missing, frames);
-        let hint = format!("go on with: diaphane capture {}", session.folder().display());
-        return Err(Failure::other(error).hint(hint));
+        let flag = match label {
+            "light" => " --light",
+            "noise" => " --noise",
+            _ => "",
+        };
+        let command = format!("diaphane capture {}{flag}", session.folder().display());
+        return Err(interrupted(asked, &outcome, &command));
     }
     progress.finish(&format!("{} frames taken, {} were there", outcome.taken, outcome.kept));
     Ok(outcome)
+}
+
+/// What is waited for to be put on the rig, after one more step of a run.
+pub(crate) fn asked_for(before: Option<Target>, step: &Step) -> Option<Target> {
+    match step {
+        Step::Placing(target) => Some(*target),
+        Step::Taken => None,
+        _ => before,
+    }
+}
+
+/// A run that was stopped: what it waited for, what there is, and the command that goes on.
+pub(crate) fn interrupted(asked: Option<Target>, outcome: &Outcome, command: &str) -> Failure {
+    let asked = asked.map_or(String::new(), |target| format!(" while waiting for {target}"));
+    let kept = outcome.kept + outcome.taken;
+    let error =
+        format!("interrupted{asked}; {kept} frames are kept, {} are missing", outcome.missing);
+    Failure::other(error).hint(format!("go on with: {command}"))
 }
 
 /// What happened, to whoever watches.

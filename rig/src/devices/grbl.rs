@@ -37,12 +37,20 @@ pub struct Grbl {
     settings: Settings,
     /// Work coordinate offset of the last report that had one.
     offset: Option<[f64; 3]>,
-    /// What stopped it, until somebody unlocks it.
-    alarm: Option<String>,
+    /// What keeps it from moving, until somebody homes or unlocks it.
+    alarm: Option<Alarm>,
     /// Whether it has been talked to: if it restarts after that, its place is gone.
     known: bool,
     /// It has restarted, and was not homed or unlocked since.
     restarted: bool,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Alarm {
+    /// It stopped itself, and said why by a number.
+    Number(u16),
+    /// It is locked without a word: as it is after every start, where it has switches to home to.
+    Locked,
 }
 
 const RESTARTED: &str = "it restarted, and may have lost its place; home or unlock it";
@@ -97,18 +105,21 @@ impl Grbl {
             return Ok(());
         }
         self.offset = None;
-        let deadline = Instant::now() + BOOT + self.link.patience().reply;
-        let greeted = self.awaken(deadline).and_then(|()| self.read_settings());
+        let greeted = self.awaken().and_then(|()| self.read_settings());
         // Half a greeting is none: the next use has to begin at the beginning.
         greeted.inspect_err(|_| self.link.disconnect())
     }
 
-    fn awaken(&mut self, deadline: Instant) -> Result<(), DeviceError> {
+    fn awaken(&mut self) -> Result<(), DeviceError> {
+        let limit = BOOT + self.link.patience().reply;
+        let deadline = Instant::now() + limit;
         loop {
             self.link.send(b"?")?;
             let ask_again = deadline.min(Instant::now() + Duration::from_millis(500));
             match self.next(ask_again) {
                 Ok(Message::Status(_)) => {
+                    // Its greeting may have been lost.
+                    self.restarted |= self.known && self.alarm == Some(Alarm::Locked);
                     self.known = true;
                     return Ok(());
                 }
@@ -116,6 +127,10 @@ impl Grbl {
                 Ok(_) => {}
                 Err(DeviceError::Timeout { .. } | DeviceError::Protocol { .. })
                     if Instant::now() < deadline => {}
+                // It was asked again and again, not only the last time.
+                Err(DeviceError::Timeout { device, .. }) => {
+                    return Err(DeviceError::Timeout { device, waited_s: limit.as_secs_f64() });
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -149,14 +164,11 @@ impl Grbl {
             let message = parse_message(&line).map_err(|e| e.of(self.link.device()))?;
             match &message {
                 Message::Blank => continue,
-                Message::Alarm(number) => self.alarm = Some(alarm_text(*number)),
+                Message::Alarm(number) => self.alarm = Some(Alarm::Number(*number)),
                 Message::Status(status) => {
                     self.offset = status.offset.or(self.offset);
                     match status.activity {
-                        Activity::Alarm => {
-                            let text = "it is locked; home or unlock it";
-                            self.alarm.get_or_insert_with(|| text.into());
-                        }
+                        Activity::Alarm => self.alarm = self.alarm.or(Some(Alarm::Locked)),
                         _ => self.alarm = None,
                     }
                 }
@@ -210,16 +222,25 @@ impl Grbl {
 
     fn refusal(&self, line: &str, number: u16) -> DeviceError {
         let device = self.device();
-        match (number, &self.alarm) {
-            (9, alarm) => {
-                let reason = alarm.clone().unwrap_or_else(|| error_text(9));
-                DeviceError::Fault { device, reason }
-            }
+        match (number, self.alarm) {
+            (9, Some(alarm)) => self.stopped_by(alarm),
+            (9, None) => self.fault(error_text(9)),
             (8, _) => DeviceError::Busy { device },
             _ => {
                 let reason = format!("it refused {line}: {}", error_text(number));
                 DeviceError::Unsupported { device, reason }
             }
+        }
+    }
+
+    fn stopped_by(&self, alarm: Alarm) -> DeviceError {
+        match alarm {
+            Alarm::Number(number) => self.fault(alarm_text(number)),
+            Alarm::Locked if self.restarted => self.fault(RESTARTED),
+            Alarm::Locked if self.settings.homing => {
+                DeviceError::NotHomed { device: self.device() }
+            }
+            Alarm::Locked => self.fault("it is locked, and has no switches to home to; unlock it"),
         }
     }
 
@@ -249,18 +270,25 @@ impl Grbl {
         let mut pause = patience.pause;
         for _ in 1..patience.attempts {
             match self.status() {
-                Err(error) if self.link.may_pass(&error) => {
+                Err(error) if self.may_pass(&error) => {
                     std::thread::sleep(pause);
                     pause *= 2;
                 }
                 other => return other,
             }
         }
-        self.status().map_err(|error| match (&self.alarm, error) {
+        self.status().map_err(|error| match (self.alarm, error) {
             // After a limit switch it says nothing until it is reset.
-            (Some(alarm), DeviceError::Timeout { .. }) => self.fault(alarm.clone()),
+            (Some(alarm), DeviceError::Timeout { .. }) => self.stopped_by(alarm),
             (_, error) => error,
         })
+    }
+
+    /// Whether asking again may help. What has never said a word that GRBL knows has been asked a
+    /// dozen times by then.
+    fn may_pass(&self, error: &DeviceError) -> bool {
+        let heard = self.known || matches!(error, DeviceError::Disconnected { .. });
+        heard && self.link.may_pass(error)
     }
 
     /// Where all axes are, in machine coordinates.
@@ -282,8 +310,8 @@ impl Grbl {
 
     fn fail_on_alarm(&mut self) -> Result<(), DeviceError> {
         self.status_again()?;
-        match &self.alarm {
-            Some(alarm) => Err(self.fault(alarm.clone())),
+        match self.alarm {
+            Some(alarm) => Err(self.stopped_by(alarm)),
             None if self.restarted => Err(self.fault(RESTARTED)),
             None => Ok(()),
         }
@@ -405,7 +433,7 @@ impl Stage for Grbl {
     fn unlock(&mut self) -> Result<(), DeviceError> {
         let deadline = self.link.deadline();
         self.ready()?;
-        if self.alarm.as_deref().is_some_and(|alarm| alarm.contains("limit")) {
+        if matches!(self.alarm, Some(Alarm::Number(1 | 2))) {
             // After a limit GRBL wants a reset before it listens to anything.
             self.reset()?;
         }

@@ -1,6 +1,7 @@
 //! Whoever puts things on the bench, and the stage that takes them to their place.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -25,6 +26,38 @@ impl HandsProgram {
     pub fn new(program: &str, limit: Duration) -> Self {
         Self { program: program.into(), limit }
     }
+
+    /// Where the program is; it is not called.
+    ///
+    /// # Errors
+    /// `NotFound`, or `NoPermission` where there is a file of that name that is no program.
+    pub fn find(&self) -> Result<PathBuf, DeviceError> {
+        let device = format!("hands program {}", self.program);
+        let named = Path::new(&self.program);
+        let mut candidates = if named.components().count() > 1 || named.is_absolute() {
+            vec![named.to_owned()]
+        } else {
+            let path = std::env::var_os("PATH").unwrap_or_default();
+            std::env::split_paths(&path).map(|folder| folder.join(named)).collect()
+        };
+        candidates.retain(|path| path.is_file());
+        match candidates.iter().position(|path| may_be_called(path)) {
+            Some(found) => Ok(candidates.swap_remove(found)),
+            None if candidates.is_empty() => Err(DeviceError::NotFound { device }),
+            None => Err(DeviceError::NoPermission { device, path: self.program.clone() }),
+        }
+    }
+}
+
+#[cfg(unix)]
+fn may_be_called(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    path.metadata().is_ok_and(|there| there.permissions().mode() & 0o111 != 0)
+}
+
+#[cfg(not(unix))]
+fn may_be_called(_: &Path) -> bool {
+    true
 }
 
 impl Bench for HandsProgram {
@@ -118,7 +151,10 @@ mod tests {
         std::fs::write(&path, script).unwrap();
         let mut hands = HandsProgram::new(path.to_str().unwrap(), Duration::from_millis(300));
         assert_eq!(hands.place(&Target::Sample).unwrap_err().kind(), DeviceErrorKind::NoPermission);
+        assert_eq!(hands.find().unwrap_err().kind(), DeviceErrorKind::NoPermission);
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        assert_eq!(hands.find().unwrap(), path);
+        assert!(!told.exists(), "it is looked for, not called");
         hands.place(&Target::Board { pose: 2 }).unwrap();
         let json = std::fs::read_to_string(&told).unwrap();
         let target: Target = serde_json::from_str(json.trim()).unwrap();
@@ -128,7 +164,13 @@ mod tests {
         let late = hands.place(&Target::Flat).unwrap_err();
         assert_eq!(late.kind(), DeviceErrorKind::Declined);
         assert!(late.to_string().contains("within 0.3 s"), "{late}");
-        let missing = HandsProgram::new("/not/there", Duration::from_secs(1)).place(&Target::Dark);
-        assert_eq!(missing.unwrap_err().kind(), DeviceErrorKind::Unsupported);
+        let mut missing = HandsProgram::new("/not/there", Duration::from_secs(1));
+        assert_eq!(missing.find().unwrap_err().kind(), DeviceErrorKind::NotFound);
+        assert_eq!(missing.place(&Target::Dark).unwrap_err().kind(), DeviceErrorKind::Unsupported);
+        // As the system does: by its name alone on PATH, whatever lies in this folder.
+        let shell = HandsProgram::new("sh", Duration::from_secs(1)).find().unwrap();
+        assert!(shell.is_absolute() && shell.ends_with("sh"), "{}", shell.display());
+        let nowhere = HandsProgram::new("Cargo.toml", Duration::from_secs(1)).find();
+        assert_eq!(nowhere.unwrap_err().kind(), DeviceErrorKind::NotFound);
     }
 }

@@ -165,7 +165,7 @@ impl Link {
         quiet: Option<Duration>,
         deadline: Instant,
     ) -> Result<(Vec<u8>, bool), DeviceError> {
-        let started = Instant::now();
+        let given = deadline.saturating_duration_since(Instant::now());
         loop {
             if let Some(at) = self.received.iter().position(|b| ends.contains(b)) {
                 let mut line: Vec<u8> = self.received.drain(..=at).collect();
@@ -180,7 +180,7 @@ impl Link {
             }
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(self.late(started.elapsed()));
+                return Err(self.late(given));
             }
             let wait = match quiet {
                 Some(quiet) if !self.received.is_empty() => quiet.min(left),
@@ -252,8 +252,8 @@ impl Link {
     }
 
     fn late(&self, waited: Duration) -> DeviceError {
-        // Whole milliseconds: more digits than that are noise in a message.
-        let waited_s = (waited.as_secs_f64() * 1e3).round() / 1e3;
+        // Tenths: what was sent took its time, and more digits are noise in a message.
+        let waited_s = (waited.as_secs_f64() * 10.0).round() / 10.0;
         DeviceError::Timeout { device: self.device.clone(), waited_s }
     }
 }

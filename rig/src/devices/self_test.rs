@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::{Coordinate, Fault, PowerState, ProjectorControl, Severity, Stage};
-use crate::{DeviceError, Projector, ProjectorImage, ProjectorInfo};
+use crate::{DeviceError, DeviceErrorKind, Projector, ProjectorImage, ProjectorInfo};
 
 /// How one check went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -28,23 +28,29 @@ pub struct Check {
     pub result: CheckResult,
     /// What was found.
     pub found: String,
+    /// What went wrong, where a device did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<DeviceErrorKind>,
 }
 
 impl Check {
-    pub(super) fn of(name: impl Into<String>, outcome: Result<String, DeviceError>) -> Self {
-        let (result, found) = match outcome {
-            Ok(found) => (CheckResult::Pass, found),
-            Err(error) => (CheckResult::Fail, error.to_string()),
+    /// How a request went.
+    pub fn of(name: impl Into<String>, outcome: Result<String, DeviceError>) -> Self {
+        let (result, found, error) = match outcome {
+            Ok(found) => (CheckResult::Pass, found, None),
+            Err(error) => (CheckResult::Fail, error.to_string(), Some(error.kind())),
         };
-        Self { name: name.into(), result, found }
+        Self { name: name.into(), result, found, error }
     }
 
     pub(super) fn fail(name: impl Into<String>, found: impl Into<String>) -> Self {
-        Self { name: name.into(), result: CheckResult::Fail, found: found.into() }
+        let (name, found) = (name.into(), found.into());
+        Self { name, result: CheckResult::Fail, found, error: None }
     }
 
     pub(super) fn skipped(name: impl Into<String>, found: impl Into<String>) -> Self {
-        Self { name: name.into(), result: CheckResult::Skipped, found: found.into() }
+        let (name, found) = (name.into(), found.into());
+        Self { name, result: CheckResult::Skipped, found, error: None }
     }
 }
 

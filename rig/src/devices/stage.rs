@@ -104,9 +104,9 @@ impl StageAxis {
 /// Moves things. Axes are numbered from 0 in the order of [`axes`](Self::axes).
 ///
 /// All requests fail with [`DeviceError`] where the stage does not answer, is gone, or answers
-/// what its protocol does not know; with `Fault` after an alarm, which stays until
-/// [`unlock`](Self::unlock) or [`home`](Self::home); with `Unsupported` for an axis that there is
-/// not. A move is never repeated by itself: a controller that lost its connection may have lost
+/// what its protocol does not know; with `NotHomed` before its first [`home`](Self::home) where it
+/// has switches; with `Fault` after an alarm, which stays until [`unlock`](Self::unlock) or `home`;
+/// with `Unsupported` for an axis that there is not. A move is never repeated by itself: a controller that lost its connection may have lost
 /// its place.
 pub trait Stage: Send {
     /// Maker and model as far as the stage tells, else the driver's name for it.

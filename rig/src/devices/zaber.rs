@@ -141,8 +141,7 @@ impl Zaber {
         let reply = self.ask(axis, "get pos")?;
         let value = parse_position(reply.data.as_bytes()).map_err(|e| e.of(self.link.device()))?;
         if reply.warning == "WR" || reply.warning == "WH" {
-            let reason = "it does not know where it is; home it".into();
-            return Err(DeviceError::Fault { device: self.name_of(axis), reason });
+            return Err(DeviceError::NotHomed { device: self.name_of(axis) });
         }
         Ok(value)
     }
@@ -283,6 +282,6 @@ mod tests {
         let error = stage.position(0).unwrap_err();
         assert_eq!(error.kind(), DeviceErrorKind::Fault);
         assert!(error.to_string().contains("stalled"), "{error}");
-        assert!(stage.position(0).unwrap_err().to_string().contains("home it"));
+        assert_eq!(stage.position(0).unwrap_err().kind(), DeviceErrorKind::NotHomed);
     }
 }

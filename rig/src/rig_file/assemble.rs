@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::{HandsConfig, PlaceConfig, RigFile};
 use crate::devices::controlled::ControlledProjector;
-use crate::devices::hands::{HandsProgram, Places, StagedBench};
+use crate::devices::hands::{Places, StagedBench};
 use crate::devices::{Coordinate, Parking, PowerState, Stage, power_on};
 use crate::{Bench, DeviceError, Rig, SimulatedDevices};
 
@@ -34,6 +34,11 @@ impl RigFile {
         let camera = self.camera.as_ref().ok_or_else(|| lacks("[camera]"))?;
         let display =
             self.projector.display.as_ref().ok_or_else(|| lacks("[projector.display]"))?;
+        let hands = self.hands.program();
+        if let Some(program) = &hands {
+            // Before the lamp, which takes minutes.
+            program.find()?;
+        }
         let mut parking = Parking::default();
         // The lamp first: it takes minutes, and has to be steady.
         if let Some(config) = &self.projector.control {
@@ -55,13 +60,10 @@ impl RigFile {
             let control = Arc::clone(control);
             projector = Box::new(ControlledProjector { display: projector, control });
         }
-        let mut bench: Box<dyn Bench> = match &self.hands {
-            HandsConfig::Person {} => person,
-            HandsConfig::Simulated {} => simulated.bench()?,
-            HandsConfig::Program { program, limit_s } => {
-                let limit = Duration::try_from_secs_f64(*limit_s).unwrap_or(Duration::MAX);
-                Box::new(HandsProgram::new(program, limit))
-            }
+        let mut bench: Box<dyn Bench> = match (hands, &self.hands) {
+            (Some(program), _) => Box::new(program),
+            (None, HandsConfig::Simulated {}) => simulated.bench()?,
+            (None, _) => person,
         };
         if let Some(config) = &self.stage {
             let mut stage = config.open(simulated);

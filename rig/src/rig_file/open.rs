@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use super::{ControlConfig, DisplayConfig, Letter, StageConfig};
+use super::{ControlConfig, DisplayConfig, HandsConfig, Letter, StageConfig};
 #[cfg(all(feature = "display", target_os = "linux"))]
 use crate::devices::display::{Display, WindowProgram};
 use crate::devices::zaber::ZaberAxis;
 use crate::devices::{
-    Benq, Epson, Grbl, Optoma, Patience, Pjlink, ProjectorControl, Stage, StageAxis, Zaber,
+    Benq, Epson, Grbl, HandsProgram, Optoma, Patience, Pjlink, ProjectorControl, Stage, StageAxis,
+    Zaber,
 };
 use crate::{Bench, Camera, DeviceError, Projector};
 
@@ -159,6 +160,21 @@ impl ControlConfig {
             }
             Self::Epson { port, baud, .. } => Box::new(Epson::new(port, *baud, patience)),
             Self::Benq { port, baud, .. } => Box::new(Benq::new(port, *baud, patience)),
+        }
+    }
+}
+
+impl HandsConfig {
+    /// The program that puts things on the bench, which is not called yet; `None` where a person
+    /// does, or the simulator.
+    pub fn program(&self) -> Option<HandsProgram> {
+        match self {
+            Self::Person {} | Self::Simulated {} => None,
+            Self::Program { program, limit_s } => {
+                // What is not a duration was refused when the file was read.
+                let limit = Duration::try_from_secs_f64(*limit_s).unwrap_or(Duration::MAX);
+                Some(HandsProgram::new(program, limit))
+            }
         }
     }
 }

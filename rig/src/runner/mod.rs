@@ -179,7 +179,17 @@ impl Run<'_, '_> {
                             self.tell(&outcome, &shot.name, Step::Placing(shot.target));
                             let place = |rig: &mut Rig, _| rig.bench.place(&shot.target);
                             let placing = Instant::now();
-                            self.persist(shot, &outcome, place)?;
+                            match self.persist(shot, &outcome, place) {
+                                // Who is asked to stop while something is placed does not place
+                                // it: a person says so, a program may be ended by it.
+                                Err(RunError::Device { source, .. }) if self.options.stopped() => {
+                                    let text = format!("shot {:?}: {source}", shot.name);
+                                    append(self.journal, Event::Note { text })?;
+                                    outcome.missing += 1;
+                                    continue;
+                                }
+                                asked => asked?,
+                            }
                             let took_s = placing.elapsed().as_secs_f64();
                             self.seen.placements.push(took_s);
                             last_frame = Instant::now();

@@ -1,17 +1,18 @@
 //! Takes the calibration pictures in the right order, says what goes where, and looks at each
 //! picture at once.
 
-use super::all::described;
+use super::all::{described, is_done};
 use super::boards::projected_points;
 use super::frames::frame_photo;
 use crate::Failure;
 use crate::cli::STOP;
-use crate::commands::capture::remark;
+use crate::commands::capture::{asked_for, interrupted, remark};
 use crate::session::Session;
+use crate::technician::answer;
 use calibration::{Board, Photo, detect_board};
 use material::Face;
 use rig::{Pattern, Plan, Purpose, Rig, RunOptions, Shot, Step, Target};
-use std::io::{BufRead, IsTerminal};
+use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Light squares clipped beyond this share move their corners.
@@ -27,6 +28,8 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
     let plan = session.acquisition().calibration_plan();
     let board = described(session)?.0;
     let interactive = std::io::stdin().is_terminal();
+    let force = if is_done(session) { " --force" } else { "" };
+    let command = format!("diaphane calibrate all {}{force}", session.folder().display());
     let placements = placements(&plan);
     let mut complaints = Vec::new();
     loop {
@@ -35,7 +38,9 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
         let options = RunOptions { other_stop: Some(&stop), ..RunOptions::new(&STOP) };
         let mut bad: Option<(&Shot, String)> = None;
         let mut broken = None;
+        let mut asked = None;
         let outcome = rig::run(&plan, rig, session.folder(), options, &mut |p| {
+            asked = asked_for(asked, &p.step);
             if let Some(remark) = remark(&p) {
                 eprintln!("{remark}");
             }
@@ -70,33 +75,26 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
             return Err(failure);
         }
         if let Some((shot, why)) = bad {
-            if again()? {
-                rig::set_aside(session.folder(), shot)?;
-            } else {
-                complaints.push(format!("{}: {why}", shot.name));
+            match again()? {
+                Some(true) => rig::set_aside(session.folder(), shot)?,
+                Some(false) => complaints.push(format!("{}: {why}", shot.name)),
+                None => return Err(interrupted(None, &outcome, &command)),
             }
             continue;
         }
         if outcome.missing > 0 {
-            let error = format!("interrupted: {} frames are missing", outcome.missing);
-            let hint = format!("go on with: diaphane calibrate all {}", session.folder().display());
-            return Err(Failure::other(error).hint(hint));
+            return Err(interrupted(asked, &outcome, &command));
         }
         return Ok(complaints);
     }
 }
 
-/// Whether to take the picture again, asked on the terminal.
-fn again() -> Result<bool, Failure> {
+/// Whether to take the picture again, asked on the terminal; `None` where they stop instead.
+fn again() -> Result<Option<bool>, Failure> {
     eprintln!(
         "  mend it and press Enter to take it again; k and Enter keeps it; q and Enter stops"
     );
-    let mut line = String::new();
-    std::io::stdin().lock().read_line(&mut line).map_err(Failure::other)?;
-    match line.trim() {
-        "q" => Err(Failure::other("stopped").hint("the same command goes on from here")),
-        answer => Ok(answer != "k"),
-    }
+    Ok(answer().map_err(Failure::other)?.map(|answer| answer != "k"))
 }
 
 /// What is put on the bench, in order, each once.

@@ -67,6 +67,9 @@ pub(super) fn config(
     let hint =
         format!("what is there, and what is in the way: diaphane rig list {}", path.display());
     let failed = |error: rig::DeviceError| Failure::other(error).hint(hint.clone());
+    if let Some(hands) = file.hands.program() {
+        hands.find().map_err(failed)?;
+    }
     let camera = camera.open(&simulated).map_err(failed)?.info();
     let projector = {
         let mut display = display.open(&simulated).map_err(failed)?;

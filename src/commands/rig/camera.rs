@@ -1,10 +1,10 @@
 //! Cameras in `diaphane rig list` and `diaphane rig test`, and the way out where one cannot be used.
 
-use super::permission::{usb_rule, video_rule};
+use super::rules::{usb_rule, video_rule};
 use crate::Failure;
 use crate::output::check_output;
 use ::rig::devices::camera::{CameraDriver, FoundCamera, scan_cameras, usb_device};
-use ::rig::{CameraConfig, CameraInfo, DeviceError, Frame, SimulatedDevices};
+use ::rig::{CameraConfig, CameraInfo, DeviceError, DeviceErrorKind, Frame, SimulatedDevices};
 use image::{ImageFormat, RgbImage};
 use material::{Overwrite, atomic_write};
 use std::io::Cursor;
@@ -78,31 +78,51 @@ pub(crate) fn how_to_get(driver: CameraDriver) -> String {
 
 /// What to do about a camera that could not be used.
 pub(super) fn advice(driver: CameraDriver, error: &DeviceError) -> Option<String> {
-    Some(match error {
-        DeviceError::MissingDriver { .. } => how_to_get(driver),
-        DeviceError::NoPermission { path, .. } if driver == CameraDriver::V4l => video_rule(path),
-        DeviceError::NoPermission { path, .. } => {
-            format!("add a rule that lets you:\n{}", usb_rule(path, usb_device(path).as_ref()))
+    use CameraDriver as D;
+    match error {
+        DeviceError::MissingDriver { .. } => Some(how_to_get(driver)),
+        DeviceError::NoPermission { path, .. } if driver == D::V4l => Some(video_rule(path)),
+        DeviceError::NoPermission { path, .. } => Some(format!(
+            "add a rule that lets you:\n{}",
+            usb_rule(path, usb_device(path).as_ref())
+        )),
+        error => advice_on(driver, error.kind()).map(str::to_owned),
+    }
+}
+
+/// What to do about a camera that was there, or might be.
+pub(super) fn advice_on(driver: CameraDriver, kind: DeviceErrorKind) -> Option<&'static str> {
+    use CameraDriver as D;
+    use DeviceErrorKind as K;
+    Some(match (kind, driver) {
+        (K::NotFound | K::Disconnected, D::Aravis) => {
+            "is it plugged in, and powered? On a network: in the same subnet as this machine, with no firewall between? On USB: at a port of USB 3? What is there: diaphane rig list"
         }
-        DeviceError::NotFound { .. }
-        | DeviceError::NoneSuch { .. }
-        | DeviceError::Disconnected { .. } => {
-            "is it plugged in, and powered? On a network: in the same subnet as this machine, with no firewall between? What is there: diaphane rig list".into()
+        (K::NotFound | K::Disconnected, D::Gphoto2) => {
+            "is its USB cable plugged in, is it switched on and awake (its automatic power-off disabled), and one of the cameras that gphoto.org lists? What is there: diaphane rig list"
         }
-        DeviceError::Ambiguous { .. } if driver == CameraDriver::V4l => {
-            "say which in the rig file: device = \"/dev/v4l/by-id/...\" under [camera]".into()
+        (K::NotFound | K::Disconnected, D::V4l) => {
+            "is it plugged in? Linux has such cameras as /dev/video0, /dev/video1 and so on. What is there: diaphane rig list"
         }
-        DeviceError::Ambiguous { .. } => {
-            "say which in the rig file: serial = \"...\" under [camera]".into()
+        (K::Ambiguous, D::Aravis) => "say which in the rig file: serial = \"...\" under [camera]",
+        (K::Ambiguous, D::Gphoto2) => {
+            "say which in the rig file: name = \"...\" under [camera], or its port, such as \"usb:001,005\""
         }
-        DeviceError::Busy { .. } => "another program has it: close it".into(),
-        DeviceError::Timeout { .. } | DeviceError::Protocol { .. }
-            if driver == CameraDriver::V4l =>
-        {
-            "another cable, a port of its own without a hub, a smaller size".into()
+        (K::Ambiguous, D::V4l) => {
+            "say which in the rig file: device = \"/dev/v4l/by-id/...\" under [camera]"
         }
-        DeviceError::Timeout { .. } | DeviceError::Protocol { .. } => {
-            "on a network: the cable, the switch, and a firewall that lets UDP through".into()
+        (K::Busy, D::Gphoto2) => {
+            "another program has it, often the desktop's file manager: close it there, or stop gvfs-gphoto2-volume-monitor"
+        }
+        (K::Busy, _) => "another program has it: close it",
+        (K::Timeout | K::Protocol, D::Aravis) => {
+            "on a network: the cable, the switch, and a firewall that lets UDP through; on USB: another cable, a port of its own without a hub"
+        }
+        (K::Timeout | K::Protocol, D::Gphoto2) => {
+            "switch the camera off and on again; another cable, a full battery, manual focus"
+        }
+        (K::Timeout | K::Protocol, D::V4l) => {
+            "another cable, a port of its own without a hub, a smaller size"
         }
         _ => return None,
     })
@@ -168,4 +188,21 @@ pub(super) fn write_picture(
         file.write_all(png.get_ref())
     })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_cameras_that_may_be_on_a_network_are_looked_for_there() {
+        for kind in [DeviceErrorKind::NotFound, DeviceErrorKind::Timeout] {
+            for driver in CameraDriver::ALL {
+                let said = advice_on(driver, kind).unwrap_or_default();
+                let network = said.contains("network") || said.contains("subnet");
+                assert_eq!(network, driver == CameraDriver::Aravis, "{driver:?}: {said}");
+                assert!(!said.is_empty(), "{driver:?}");
+            }
+        }
+    }
 }

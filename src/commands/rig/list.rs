@@ -1,23 +1,30 @@
 //! `diaphane rig list`: what is connected, and what is in the way.
 
-use super::{Simulated, camera, permission};
+use super::advice::{self, Asked, Part};
+use super::{Simulated, camera, read};
 use crate::Failure;
 use crate::output::Done;
 use ::rig::devices::{SerialPort, find_monitor, list_monitors, scan_serial_ports};
-use ::rig::{Address, DeviceError, DeviceErrorKind, DisplayConfig, RigFile};
+use ::rig::{DeviceError, DeviceErrorKind, DisplayConfig, HandsConfig, RigFile};
 use serde::Serialize;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What is connected, and what is in the way
 ///
-/// With a rig file: each of its devices, asked for a sign of life. Without one: the cameras that are
-/// found, the monitors and the serial ports of this machine; each port is opened for a moment, which
-/// restarts boards with GRBL.
+/// With a rig file, or the folder of a session on devices: each of its devices, asked for a sign of
+/// life. Without: the cameras that are found, the monitors and the serial ports of this machine;
+/// each port is opened for a moment, which restarts boards with GRBL.
+///
+/// Of a rig the exit code is 0, and "ready" true with --json, if each device can be used; else 1 and
+/// false. A stage that has yet to be homed can be used. Without a rig nothing is to be ready: the
+/// exit code is 0 whatever is found, and there is no "ready".
 #[derive(clap::Args)]
-#[command(after_help = "Examples:\n  diaphane rig list\n  diaphane rig list rig.toml")]
+#[command(
+    after_help = "Examples:\n  diaphane rig list\n  diaphane rig list rig.toml\n  diaphane rig list my-marble"
+)]
 pub(crate) struct Args {
-    /// Rig file
+    /// Rig file, or folder of a session on devices
     rig: Option<PathBuf>,
 }
 
@@ -27,6 +34,8 @@ enum State {
     Found,
     /// In software.
     Fake,
+    /// A stage that does not know where it is until it is homed, as after every start.
+    NeedsHoming,
     NoPermission,
     Busy,
     NotFound,
@@ -48,6 +57,7 @@ impl State {
             DeviceErrorKind::Timeout => Self::NoAnswer,
             DeviceErrorKind::Ambiguous => Self::Ambiguous,
             DeviceErrorKind::MissingDriver => Self::NotBuilt,
+            DeviceErrorKind::NotHomed => Self::NeedsHoming,
             _ => Self::Trouble,
         }
     }
@@ -56,6 +66,7 @@ impl State {
         match self {
             Self::Found => "found",
             Self::Fake => "fake",
+            Self::NeedsHoming => "needs homing",
             Self::NoPermission => "NO PERMISSION",
             Self::Busy => "BUSY",
             Self::NotFound => "NOT FOUND",
@@ -67,7 +78,7 @@ impl State {
     }
 
     fn good(self) -> bool {
-        matches!(self, Self::Found | Self::Fake)
+        matches!(self, Self::Found | Self::Fake | Self::NeedsHoming)
     }
 }
 
@@ -91,21 +102,43 @@ impl Device {
     }
 
     fn new(
-        part: &'static str,
+        name: &'static str,
         driver: &'static str,
-        address: Option<Address>,
+        asked: Asked<'_>,
         answer: Result<String, DeviceError>,
     ) -> Self {
         let (state, found, advice) = match answer {
-            Ok(found) if address.is_none() => (State::Fake, found, None),
+            Ok(found) if asked.address.is_none() => (State::Fake, found, None),
             Ok(found) => (State::Found, found, None),
+            Err(error) => (State::of(&error), error.to_string(), asked.advice(error.kind())),
+        };
+        let address = asked.address.map(|address| address.to_string());
+        Self { part: name, driver: Some(driver), address, state, found, advice }
+    }
+
+    /// The program that puts things on the bench, looked for and not called.
+    fn hands(program: &str, answer: Result<PathBuf, DeviceError>, rig: &Path) -> Self {
+        let (state, found, advice) = match answer {
+            Ok(path) => (State::Found, format!("{} may be called", path.display()), None),
             Err(error) => {
-                let advice = permission::advice(error.kind(), address.as_ref());
-                (State::of(&error), error.to_string(), advice)
+                let asked = Asked { part: Part::Hands, address: None, rig };
+                (State::of(&error), error.to_string(), asked.advice(error.kind()))
             }
         };
-        let address = address.map(|address| address.to_string());
-        Self { part, driver: Some(driver), address, state, found, advice }
+        let (driver, address) = (Some("program"), Some(program.to_owned()));
+        Self { part: "hands", driver, address, state, found, advice }
+    }
+
+    /// For people: what it is, and what to do about it if `advised`.
+    fn lines(&self, advised: bool) -> String {
+        let name = self.driver.map_or(String::new(), |driver| format!(" ({driver})"));
+        let part = format!("{}{name}", self.part);
+        let address = self.address.as_deref().unwrap_or("-");
+        let mut text = format!("{:14} {part:30} {address:16} {}\n", self.state.words(), self.found);
+        for line in self.advice.iter().filter(|_| advised).flat_map(|advice| advice.lines()) {
+            text += &format!("{:15}{line}\n", "");
+        }
+        text
     }
 
     /// The monitors of this machine, or why they are not known.
@@ -124,7 +157,7 @@ impl Device {
                 })
                 .collect(),
             Err(error) => {
-                let advice = permission::advice(error.kind(), Some(&Address::Monitor("".into())));
+                let advice = advice::picture(error.kind());
                 let (state, found) = (State::of(&error), error.to_string());
                 vec![Self { part, driver: Some("window"), address: None, state, found, advice }]
             }
@@ -149,8 +182,7 @@ impl Device {
         let (mut state, mut advice) = (State::Found, None);
         if let Some(problem) = &port.problem {
             state = State::of(problem);
-            let address = Address::Serial(port.path.clone());
-            advice = permission::advice(problem.kind(), Some(&address));
+            advice = advice::port(problem.kind(), &port.path);
             found = format!("{found}; {problem}");
         }
         let address = Some(port.path);
@@ -159,46 +191,50 @@ impl Device {
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
-    let devices = match &args.rig {
-        Some(path) => ask(&RigFile::read(path)?),
-        None => {
-            let cameras = camera::list().into_iter().map(Device::camera);
-            let ports = scan_serial_ports().into_iter().map(Device::port);
-            cameras.chain(Device::monitors()).chain(ports).collect()
-        }
+    let Some(rig) = &args.rig else {
+        let devices = around();
+        let json = json!({ "devices": devices });
+        return Ok(Done::new(json, of_machine(&devices).trim_end()));
     };
-    let mut text = String::new();
-    for device in &devices {
-        let name = device.driver.map_or(String::new(), |driver| format!(" ({driver})"));
-        let part = format!("{}{name}", device.part);
-        let address = device.address.as_deref().unwrap_or("-");
-        text += &format!("{:14} {part:30} {address:16} {}\n", device.state.words(), device.found);
-        for line in device.advice.iter().flat_map(|advice| advice.lines()) {
-            text += &format!("{:15}{line}\n", "");
-        }
+    let devices = ask(&read(rig)?, rig);
+    let bad: Vec<_> = devices.iter().filter(|device| !device.state.good()).collect();
+    let json = json!({ "ready": bad.is_empty(), "devices": devices });
+    // What helps with those that cannot be used comes last, where it is read.
+    let text: String = devices.iter().map(|d| d.lines(d.state.good())).collect();
+    if bad.is_empty() {
+        return Ok(Done::new(json, text.trim_end()));
     }
-    if args.rig.is_none() && devices.iter().all(|device| device.part != "camera") {
-        text += "no cameras\n";
-    }
-    if args.rig.is_none() && devices.iter().all(|device| device.part != "serial port") {
-        text += "no serial ports; projectors on the network are found by their address alone: write a rig file, docs/devices.md has examples";
-    }
-    let bad = devices.iter().filter(|device| !device.state.good()).count();
-    let json = json!({ "ready": bad == 0, "devices": devices });
-    // A list of ports is complete whatever is wrong with them; a rig is not.
-    if bad > 0 && args.rig.is_some() {
-        eprint!("{text}");
-        return Err(Failure {
-            error: format!("{bad} of {} devices cannot be used", devices.len()),
-            hint: devices.iter().find_map(|device| device.advice.clone()),
-            code: 1,
-            details: Some(json),
-        });
-    }
-    Ok(Done::new(json, text.trim_end()))
+    eprint!("{text}");
+    let hints = bad.iter().filter_map(|device| Some((device.part, device.advice.as_deref()?)));
+    Err(Failure {
+        error: format!("{} of {} devices cannot be used", bad.len(), devices.len()),
+        hint: advice::together(hints),
+        code: 1,
+        details: Some(json),
+    })
 }
 
-fn ask(file: &RigFile) -> Vec<Device> {
+/// Whatever is connected to this machine.
+fn around() -> Vec<Device> {
+    let cameras = camera::list().into_iter().map(Device::camera);
+    let ports = scan_serial_ports().into_iter().map(Device::port);
+    cameras.chain(Device::monitors()).chain(ports).collect()
+}
+
+fn of_machine(devices: &[Device]) -> String {
+    let mut text: String = devices.iter().map(|device| device.lines(true)).collect();
+    if devices.iter().all(|device| device.part != "camera") {
+        text += "no cameras\n";
+    }
+    if devices.iter().all(|device| device.part != "serial port") {
+        text += "no serial ports\n";
+    }
+    text += "projectors on the network are found by their address alone: write a rig file, docs/devices.md has examples";
+    text
+}
+
+/// Each device of a rig, asked; `rig` is what it was called, for commands.
+fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
     let mut devices = Vec::new();
     if let Some(config) = &file.camera {
         let answer = camera::ask(config, &Simulated::default());
@@ -210,7 +246,8 @@ fn ask(file: &RigFile) -> Vec<Device> {
             // Looked for only: a window would flash up on whatever is shown there.
             let answer =
                 find_monitor(server.as_deref(), monitor).map(|monitor| monitor.to_string());
-            devices.push(Device::new("projector", config.driver(), config.address(), answer));
+            let asked = Asked { part: Part::Picture, address: config.address(), rig };
+            devices.push(Device::new("projector", config.driver(), asked, answer));
         }
         None => {}
     }
@@ -218,7 +255,8 @@ fn ask(file: &RigFile) -> Vec<Device> {
         let mut projector = config.open(&Simulated::default());
         let answer =
             projector.power_state().and_then(|power| Ok(format!("{}, {power}", projector.name()?)));
-        devices.push(Device::new("projector control", config.driver(), config.address(), answer));
+        let asked = Asked { part: Part::Control, address: config.address(), rig };
+        devices.push(Device::new("projector control", config.driver(), asked, answer));
     }
     if let Some(config) = &file.stage {
         let mut stage = config.open(&Simulated::default());
@@ -229,7 +267,16 @@ fn ask(file: &RigFile) -> Vec<Device> {
             .map(|(number, name)| Ok(format!("{name} at {}", stage.position(number)?)))
             .collect();
         let answer = places.map(|places| places.join(", "));
-        devices.push(Device::new("stage", config.driver(), config.address(), answer));
+        let asked = Asked { part: Part::Stage, address: config.address(), rig };
+        devices.push(Device::new("stage", config.driver(), asked, answer));
+    }
+    match (&file.hands, file.hands.program()) {
+        (HandsConfig::Simulated {}, _) => devices.push(Device::fake("hands")),
+        (HandsConfig::Program { program, .. }, Some(hands)) => {
+            devices.push(Device::hands(program, hands.find(), rig));
+        }
+        // A person is asked when it is time.
+        _ => {}
     }
     devices
 }

@@ -1,18 +1,20 @@
 //! `diaphane rig`: the devices of a rig, without a session.
 
+mod advice;
 mod camera;
 mod list;
-mod permission;
 mod rest;
+mod rules;
 mod test;
 mod twin;
 
 use crate::Failure;
-use crate::devices::Simulated;
+use crate::devices::{RIG_FILE, Simulated};
 use crate::output::Done;
-use ::rig::RigFileError;
+use crate::session::{RigConfig, Session};
+use ::rig::{RigFile, RigFileError};
 use clap::Subcommand;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(crate) use camera::how_to_get;
 
@@ -38,6 +40,50 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Args::Halt(args) => rest::halt(args),
         Args::Twin(args) => twin::run(args),
     }
+}
+
+/// A rig file, or the folder of a session on devices, which has one.
+#[derive(clap::Args)]
+struct RigArg {
+    /// Rig file, or folder of a session on devices
+    rig: PathBuf,
+}
+
+impl RigArg {
+    fn read(&self) -> Result<RigFile, Failure> {
+        read(&self.rig)
+    }
+}
+
+/// The rig file that is meant: the file itself, or that of a session.
+fn read(path: &Path) -> Result<RigFile, Failure> {
+    Ok(RigFile::read(&file_of(path)?)?)
+}
+
+fn file_of(path: &Path) -> Result<PathBuf, Failure> {
+    if !path.is_dir() {
+        return Ok(path.into());
+    }
+    let file = path.join(RIG_FILE);
+    if file.is_file() {
+        return Ok(file);
+    }
+    let folder = path.display();
+    if !path.join("session.toml").is_file() {
+        let error = format!("{folder}: expected a rig file, or a folder with a {RIG_FILE}");
+        return Err(Failure::input(error).hint("docs/devices.md has examples of rig files"));
+    }
+    Err(match Session::open(path)?.config.rig {
+        RigConfig::Simulated { .. } => Failure::input(format!(
+            "{folder}: the rig of this session is simulated: it has no devices and no rig file"
+        ))
+        .hint(format!("nothing has to be connected; what comes next: diaphane status {folder}")),
+        RigConfig::Imported => Failure::input(format!(
+            "{folder}: the pictures of this session were imported: it has no devices and no rig file"
+        )),
+        RigConfig::Devices { .. } => Failure::input(format!("{}: not found", file.display()))
+            .hint("put the rig file back that the session was made with"),
+    })
 }
 
 /// A rig file without what a command is about.

@@ -1,24 +1,24 @@
 //! `diaphane rig park` and `diaphane rig halt`: the end of the work, and the end of a fright.
 
-use super::{Simulated, nothing, permission};
+use super::advice::{Asked, Part};
+use super::{RigArg, Simulated, nothing};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
+use ::rig::DeviceError;
 use ::rig::devices::{PowerState, power_off};
-use ::rig::{Address, DeviceError, RigFile};
 use serde_json::json;
-use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Put everything away: the stage to its parking places, the projector off
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  diaphane rig park rig.toml\n  diaphane rig park rig.toml --home"
+    after_help = "Examples:\n  diaphane rig park rig.toml\n  diaphane rig park my-marble --home"
 )]
 pub(crate) struct Park {
-    /// Rig file
-    rig: PathBuf,
+    #[command(flatten)]
+    rig: RigArg,
     /// Find the stage's reference first: it goes to its switches
     #[arg(long)]
     home: bool,
@@ -28,8 +28,8 @@ pub(crate) struct Park {
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane rig halt rig.toml")]
 pub(crate) struct Halt {
-    /// Rig file
-    rig: PathBuf,
+    #[command(flatten)]
+    rig: RigArg,
 }
 
 /// For the way to one parking place: the longest slides need minutes.
@@ -39,44 +39,50 @@ const MOVE: Duration = Duration::from_secs(180);
 const COOLING: Duration = Duration::from_secs(300);
 
 pub(super) fn park(args: &Park) -> Result<Done, Failure> {
-    let file = RigFile::read(&args.rig)?;
+    let file = args.rig.read()?;
     let mut done = Vec::new();
     // The stage first: it is the one that stands in the way.
     if let Some(config) = &file.stage {
         let mut stage = config.open(&Simulated::default());
         let homed = if args.home { stage.home(MOVE) } else { Ok(()) };
-        homed.and_then(|()| stage.park(MOVE)).map_err(|error| failure(error, config.address()))?;
+        let asked = Asked { part: Part::Stage, address: config.address(), rig: &args.rig.rig };
+        homed.and_then(|()| stage.park(MOVE)).map_err(|error| failure(error, &asked))?;
         done.push("stage");
     }
     if let Some(config) = &file.projector.control {
         let mut projector = config.open(&Simulated::default());
         let mut progress = Progress::new("projector", 0);
+        let asked = Asked { part: Part::Control, address: config.address(), rig: &args.rig.rig };
         power_off(projector.as_mut(), COOLING, &mut |state: PowerState, _| {
             progress.set(0, &state.to_string());
             !STOP.load(Ordering::Relaxed)
         })
-        .map_err(|error| failure(error, config.address()))?;
+        .map_err(|error| failure(error, &asked))?;
         progress.finish("off");
         done.push("projector");
     }
     if done.is_empty() {
-        return Err(nothing(&args.rig, "neither a [stage] nor a [projector.control] to park"));
+        return Err(nothing(&args.rig.rig, "neither a [stage] nor a [projector.control] to park"));
     }
     Ok(Done::new(json!({ "parked": done }), format!("parked: {}", done.join(", "))))
 }
 
 pub(super) fn halt(args: &Halt) -> Result<Done, Failure> {
-    let file = RigFile::read(&args.rig)?;
+    let file = args.rig.read()?;
     let Some(config) = &file.stage else {
-        return Err(nothing(&args.rig, "no [stage] to halt"));
+        return Err(nothing(&args.rig.rig, "no [stage] to halt"));
     };
     let mut stage = config.open(&Simulated::default());
-    stage.halt().map_err(|error| failure(error, config.address()))?;
+    let asked = Asked { part: Part::Stage, address: config.address(), rig: &args.rig.rig };
+    stage.halt().map_err(|error| failure(error, &asked))?;
     let text = format!("{}: halted; it may have to be homed", stage.name());
     Ok(Done::new(json!({ "halted": stage.name() }), text))
 }
 
-fn failure(error: DeviceError, address: Option<Address>) -> Failure {
-    let advice = permission::advice(error.kind(), address.as_ref());
-    Failure { hint: advice, ..Failure::other(error) }
+fn failure(error: DeviceError, asked: &Asked<'_>) -> Failure {
+    if STOP.load(Ordering::Relaxed) {
+        return Failure::other(format!("interrupted: {error}"))
+            .hint("the same command goes on from here");
+    }
+    Failure { hint: asked.advice(error.kind()), ..Failure::other(error) }
 }

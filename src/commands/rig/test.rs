@@ -1,17 +1,18 @@
 //! `diaphane rig test`: try each device for a moment.
 
-use super::{Simulated, camera, nothing, permission};
+use super::advice::{self, Asked, Part};
+use super::{Simulated, camera, file_of, nothing};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
 use ::rig::devices::camera::test_camera;
 use ::rig::devices::{
-    Check, CheckResult, PowerState, ProjectorControl, power_on, test_display,
+    Check, CheckResult, HandsProgram, PowerState, ProjectorControl, power_on, test_display,
     test_projector_control, test_stage,
 };
 use ::rig::{
-    Address, CameraConfig, ControlConfig, DeviceError, DisplayConfig, Frame, Projector,
-    ProjectorImage, ProjectorInfo, RigFile, StageConfig,
+    CameraConfig, ControlConfig, DeviceError, DisplayConfig, Frame, Projector, ProjectorImage,
+    ProjectorInfo, RigFile, StageConfig,
 };
 use material::Overwrite;
 use serde::Serialize;
@@ -25,13 +26,16 @@ use std::time::Duration;
 /// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on; white,
 /// black and every other pixel flash up on it. Then it shows white, and the camera takes three
 /// pictures, one of which is written to be looked at. Each axis of a stage goes 1 mm or 1° away and
-/// back: see that nothing is in its way.
+/// back: see that nothing is in its way. A program that puts things in place is looked for, not
+/// called.
+///
+/// Exit code 0, and "pass" true with --json, if nothing fails; else 1 and false.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  diaphane rig test rig.toml\n  \
     diaphane rig test rig.toml --power --home\n  \
-    diaphane rig test rig.toml --picture look.png")]
+    diaphane rig test my-marble --picture look.png")]
 pub(crate) struct Args {
-    /// Rig file
+    /// Rig file, or folder of a session on devices
     rig: PathBuf,
     /// Switch the projector on first, wait until it is, and leave it on
     #[arg(long)]
@@ -55,7 +59,7 @@ struct Tested {
     part: &'static str,
     driver: &'static str,
     checks: Vec<Check>,
-    /// What to do about the first failure.
+    /// What to do about its first failure.
     #[serde(skip_serializing_if = "Option::is_none")]
     advice: Option<String>,
 }
@@ -65,7 +69,8 @@ const MOVE: Duration = Duration::from_secs(60);
 const HOMING: Duration = Duration::from_secs(180);
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
-    let file = RigFile::read(&args.rig)?;
+    let path = file_of(&args.rig)?;
+    let file = RigFile::read(&path)?;
     let mut tested = Vec::new();
     if let Some(config) = &file.projector.control {
         tested.push(test_control(config, args));
@@ -73,14 +78,14 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let simulated = Simulated::default();
     let mut display = None;
     if let Some(config) = &file.projector.display {
-        let (shown, opened) = flash(config, &simulated);
+        let (shown, opened) = flash(config, &simulated, args);
         tested.push(shown);
         display = opened;
     }
     let mut picture = None;
     if let Some(config) = &file.camera {
         let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-        let path = camera::picture_path(args.picture.as_deref(), &args.rig, overwrite)?;
+        let path = camera::picture_path(args.picture.as_deref(), &path, overwrite)?;
         let (photographed, frame) = photograph(config, &simulated);
         tested.push(photographed);
         if let Some(frame) = frame {
@@ -89,11 +94,14 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         }
     }
     if let Some(Err(error)) = display.map(|mut display| display.park()) {
-        let (checks, advice) = step("park", Err(error), None);
-        tested.push(Tested { part: "projector", driver: "picture", checks: vec![checks], advice });
+        let checks = vec![step("park", Err(error))];
+        tested.push(Tested { part: "projector", driver: "picture", checks, advice: None });
     }
     if let Some(config) = &file.stage {
         tested.push(move_stage(config, args));
+    }
+    if let Some(hands) = file.hands.program() {
+        tested.push(look_for(&hands, args));
     }
     let mut text = String::new();
     for device in &tested {
@@ -114,60 +122,58 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         return Err(nothing(&args.rig, "no [camera], no [projector] and no [stage] to test"));
     }
     let fails = |check: &&Check| check.result == CheckResult::Fail;
-    let first = tested
+    let failed: Vec<String> = tested
         .iter()
-        .find_map(|device| device.checks.iter().find(fails).map(|check| (device, check.clone())));
-    let json = json!({ "pass": first.is_none(), "devices": tested, "picture": picture });
-    if let Some((device, check)) = first {
+        .filter_map(|device| {
+            let check = device.checks.iter().find(fails)?;
+            Some(format!("{}: {}: {}", device.part, check.name, check.found))
+        })
+        .collect();
+    let json = json!({ "pass": failed.is_empty(), "devices": tested, "picture": picture });
+    if !failed.is_empty() {
         eprint!("{text}");
-        return Err(Failure {
-            error: format!("{}: {}: {}", device.part, check.name, check.found),
-            hint: device.advice.clone(),
-            code: 1,
-            details: Some(json),
-        });
+        let hints =
+            tested.iter().filter_map(|device| Some((device.part, device.advice.as_deref()?)));
+        let hint = advice::together(hints);
+        return Err(Failure { error: failed.join("\n"), hint, code: 1, details: Some(json) });
     }
     text += "pass";
     Ok(Done::new(json, text))
 }
 
-/// What was done before the test proper, and what to do if it failed.
-fn step(
-    name: &str,
-    outcome: Result<(), DeviceError>,
-    address: Option<&Address>,
-) -> (Check, Option<String>) {
-    let (result, found, advice) = match outcome {
-        Ok(()) => (CheckResult::Pass, "done".into(), None),
-        Err(error) => {
-            (CheckResult::Fail, error.to_string(), permission::advice(error.kind(), address))
-        }
-    };
-    (Check { name: name.into(), result, found }, advice)
+/// What was done besides the tests proper.
+fn step(name: &str, outcome: Result<(), DeviceError>) -> Check {
+    Check::of(name, outcome.map(|()| "done".into()))
 }
 
-/// What to do about checks that failed: they are words, but asking once `again` tells.
-fn what_helps(
-    checks: &[Check],
-    again: impl FnOnce() -> Option<DeviceError>,
-    address: Option<&Address>,
-) -> Option<String> {
-    checks.iter().find(|check| check.result == CheckResult::Fail)?;
-    permission::advice(again()?.kind(), address)
+/// What to do about the first check that failed.
+fn what_helps(checks: &[Check], asked: &Asked<'_>) -> Option<String> {
+    let failed = checks.iter().find(|check| check.result == CheckResult::Fail)?;
+    asked.advice(failed.error?)
+}
+
+/// Calls nobody: a program that puts things in place would.
+fn look_for(hands: &HandsProgram, args: &Args) -> Tested {
+    let found = hands.find().map(|path| format!("{} may be called", path.display()));
+    let checks = vec![Check::of("program", found)];
+    let asked = Asked { part: Part::Hands, address: None, rig: &args.rig };
+    let advice = what_helps(&checks, &asked);
+    Tested { part: "hands", driver: "program", checks, advice }
 }
 
 fn photograph(config: &CameraConfig, simulated: &Simulated) -> (Tested, Option<Frame>) {
     let (part, driver) = ("camera", config.driver());
-    let advice = |error: &DeviceError| camera::advice(config.camera_driver()?, error);
     match config.open(simulated) {
         Ok(mut opened) => {
             let (checks, frame) = test_camera(opened.as_mut());
-            (Tested { part, driver, checks, advice: None }, frame)
+            let failed = checks.iter().find(|check| check.result == CheckResult::Fail);
+            let kind = failed.and_then(|check| check.error).zip(config.camera_driver());
+            let advice = kind.and_then(|(kind, driver)| camera::advice_on(driver, kind));
+            (Tested { part, driver, checks, advice: advice.map(Into::into) }, frame)
         }
         Err(error) => {
-            let advice = advice(&error);
-            let (name, result, found) = ("open".into(), CheckResult::Fail, error.to_string());
-            let checks = vec![Check { name, result, found }];
+            let advice = config.camera_driver().and_then(|driver| camera::advice(driver, &error));
+            let checks = vec![step("open", Err(error))];
             (Tested { part, driver, checks, advice }, None)
         }
     }
@@ -176,37 +182,36 @@ fn photograph(config: &CameraConfig, simulated: &Simulated) -> (Tested, Option<F
 fn test_control(config: &ControlConfig, args: &Args) -> Tested {
     let mut projector = config.open(&Simulated::default());
     let mut checks = Vec::new();
-    let mut advice = None;
     if args.power {
-        let on = switch_on(projector.as_mut(), config.warm_up());
-        let (done, way_out) = step("switch on", on, config.address().as_ref());
-        checks.push(done);
-        advice = way_out;
+        checks.push(step("switch on", switch_on(projector.as_mut(), config.warm_up())));
     }
-    let answers = test_projector_control(projector.as_mut(), config.input());
-    let again = || projector.power_state().err();
-    advice = advice.or_else(|| what_helps(&answers, again, config.address().as_ref()));
-    checks.extend(answers);
+    checks.extend(test_projector_control(projector.as_mut(), config.input()));
+    let asked = Asked { part: Part::Control, address: config.address(), rig: &args.rig };
+    let advice = what_helps(&checks, &asked);
     Tested { part: "projector control", driver: config.driver(), checks, advice }
 }
 
 /// Flashes pictures up, and leaves the projector white, so that the camera sees something.
-fn flash(config: &DisplayConfig, simulated: &Simulated) -> (Tested, Option<Box<dyn Projector>>) {
+fn flash(
+    config: &DisplayConfig,
+    simulated: &Simulated,
+    args: &Args,
+) -> (Tested, Option<Box<dyn Projector>>) {
     let (part, driver) = ("projector", config.driver());
-    match config.open(simulated) {
+    let asked = Asked { part: Part::Picture, address: config.address(), rig: &args.rig };
+    let (checks, display) = match config.open(simulated) {
         Ok(mut display) => {
             let mut checks = test_display(display.as_mut());
             let ProjectorInfo { width, height, .. } = display.info();
             let data = vec![u8::MAX; width as usize * height as usize];
             let white = display.show(&ProjectorImage { width, height, data });
-            checks.push(step("white", white, None).0);
-            (Tested { part, driver, checks, advice: None }, Some(display))
+            checks.push(step("white", white));
+            (checks, Some(display))
         }
-        Err(error) => {
-            let (opened, advice) = step("open", Err(error), config.address().as_ref());
-            (Tested { part, driver, checks: vec![opened], advice }, None)
-        }
-    }
+        Err(error) => (vec![step("open", Err(error))], None),
+    };
+    let advice = what_helps(&checks, &asked);
+    (Tested { part, driver, checks, advice }, display)
 }
 
 fn switch_on(projector: &mut dyn ProjectorControl, limit: Duration) -> Result<(), DeviceError> {
@@ -223,21 +228,18 @@ fn move_stage(config: &StageConfig, args: &Args) -> Tested {
     let (part, driver) = ("stage", config.driver());
     let mut stage = config.open(&Simulated::default());
     let mut checks = Vec::new();
-    for (name, wanted) in [("unlock", args.unlock), ("home", args.home)] {
-        if !wanted {
-            continue;
-        }
-        let outcome = if name == "unlock" { stage.unlock() } else { stage.home(HOMING) };
-        let (done, advice) = step(name, outcome, config.address().as_ref());
-        let failed = done.result == CheckResult::Fail;
-        checks.push(done);
-        if failed {
-            // What it would do without it is not what was asked for.
-            return Tested { part, driver, checks, advice };
-        }
+    if args.unlock {
+        checks.push(step("unlock", stage.unlock()));
     }
-    let moved = test_stage(stage.as_mut(), MOVE);
-    let advice = what_helps(&moved, || stage.position(0).err(), config.address().as_ref());
-    checks.extend(moved);
+    let failed = |checks: &[Check]| checks.iter().any(|check| check.result == CheckResult::Fail);
+    if args.home && !failed(&checks) {
+        checks.push(step("home", stage.home(HOMING)));
+    }
+    // What it would do without what was asked for first is not what was asked for.
+    if !failed(&checks) {
+        checks.extend(test_stage(stage.as_mut(), MOVE));
+    }
+    let asked = Asked { part: Part::Stage, address: config.address(), rig: &args.rig };
+    let advice = what_helps(&checks, &asked);
     Tested { part, driver, checks, advice }
 }

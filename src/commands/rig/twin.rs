@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args) -> Result<Done, Failure> {
     let twin = Twin::start(&spec, overwrite)?;
     let path = twin.rig_file().display().to_string();
     eprintln!(
-        "the rig is there: {path}\nend it with Ctrl-C; in another terminal:\n  diaphane rig list {path}\n  \
+        "the rig is there: {path}\nend it with Ctrl-C; in another terminal, one after the other:\n  diaphane rig list {path}\n  \
          diaphane init my-twin --rig {path} --size {w}x{h}x{d} --cells {nx}x{ny}x{nz} --board {columns}x{rows} --square {square} --eta {}{lit}",
         block.eta
     );

@@ -31,13 +31,15 @@ pub fn test_camera(camera: &mut dyn Camera) -> (Vec<Check>, Option<Frame>) {
     let mut retaken = 0_u64;
     let mut temperature = None;
     for asked_s in EXPOSURES_S {
-        let taken = expose(camera, asked_s);
-        checks.push(match &taken {
-            Ok((frame, _)) => exposure(asked_s, frame.exposure_s),
-            Err(error) => Check::fail(format!("{} s", short(asked_s)), error.to_string()),
-        });
-        // What fails once would only be waited for twice more.
-        let Ok((frame, told)) = taken else { return (checks, best(frames)) };
+        let (frame, told) = match expose(camera, asked_s) {
+            Ok(taken) => taken,
+            // What fails once would only be waited for twice more.
+            Err(error) => {
+                checks.push(Check::of(format!("{} s", short(asked_s)), Err(error)));
+                return (checks, best(frames));
+            }
+        };
+        checks.push(exposure(asked_s, frame.exposure_s));
         temperature = told.temperature_c.or(temperature);
         retaken += told.settings.get(RETAKEN).and_then(|n| n.parse::<u64>().ok()).unwrap_or(0);
         frames.push(frame);

@@ -67,6 +67,58 @@ fn places_outside_of_the_range_are_not_even_sent() {
     assert_eq!(error.kind(), DeviceErrorKind::Unsupported);
 }
 
+/// A controller whose port opens, and which never says a word.
+struct Mute;
+
+impl super::super::Connection for Mute {
+    fn read(&mut self, _: &mut [u8], wait: Duration) -> std::io::Result<usize> {
+        std::thread::sleep(wait);
+        Err(std::io::ErrorKind::TimedOut.into())
+    }
+
+    fn write(&mut self, _: &[u8], _: Duration) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_silent_controller_is_opened_once_and_the_whole_wait_is_told() {
+    let openings = std::sync::Arc::new(std::sync::atomic::AtomicUsize::new(0));
+    let counted = std::sync::Arc::clone(&openings);
+    let patience =
+        Patience { reply: Duration::from_millis(50), attempts: 3, pause: Duration::from_millis(1) };
+    let link = Link::new("mute", patience, move |_| {
+        counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        Ok(Box::new(Mute))
+    });
+    let error = Grbl::over(link, vec![axis()]).position(0).unwrap_err();
+    // The time to start, and that of a reply; not that of the last of many questions.
+    let DeviceError::Timeout { waited_s, .. } = error else { panic!("{error}") };
+    assert_eq!(waited_s, 3.05);
+    assert_eq!(openings.load(std::sync::atomic::Ordering::Relaxed), 1);
+}
+
+#[test]
+fn a_controller_that_wants_to_be_homed_says_so_and_one_that_cannot_is_at_fault() {
+    for (homing, kind) in [
+        (&b"$22=1\r\nok\r\n"[..], DeviceErrorKind::NotHomed),
+        (b"$22=0\r\nok\r\n", DeviceErrorKind::Fault),
+    ] {
+        let locked = Step::Reply(b"<Alarm|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+        let again = Step::Reply(b"<Alarm|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+        let link = scripted(vec![
+            Step::Expect(b"?"),
+            locked,
+            Step::Expect(b"$$\n"),
+            Step::Reply(homing),
+            Step::Expect(b"?"),
+            again,
+        ]);
+        let error = Grbl::over(link, vec![axis()]).position(0).unwrap_err();
+        assert_eq!(error.kind(), kind, "{error}");
+    }
+}
+
 #[test]
 fn an_alarm_names_itself() {
     let mut script = Vec::from(GREETING);

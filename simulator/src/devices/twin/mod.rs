@@ -85,14 +85,11 @@ impl Twin {
     /// A part cannot be had: another twin runs on this machine, Xvfb is not installed, or the
     /// monitor is not there or not of the projector's size; or there is a rig file already.
     pub fn start(spec: &TwinSpec, overwrite: Overwrite) -> Result<Self, TwinError> {
-        let rig_file = spec.folder.join("rig.toml");
-        if overwrite == Overwrite::Refuse && rig_file.exists() {
-            return Err(FileError::Exists { path: rig_file }.into());
+        let path = spec.folder.join("rig.toml");
+        if overwrite == Overwrite::Refuse && path.exists() {
+            return Err(FileError::Exists { path }.into());
         }
         let system = |what| move |source| TwinError::System { what, source };
-        std::fs::create_dir_all(&spec.folder).map_err(system("folder of the twin"))?;
-        // The rig file is used from other places than where it lies.
-        let folder = spec.folder.canonicalize().map_err(system("folder of the twin"))?;
         let plain = Imperfections::default();
         let rig = SimulatedRig::with(&spec.sample, spec.lit, &plain, spec.transport)?;
         let [width, height] = rig.projector_px();
@@ -118,6 +115,11 @@ impl Twin {
         let devices = rig.rig();
         let eye = TwinCamera::new(devices.camera, devices.projector, seen, lamp.clone())?;
         let camera = GigeCamera::serve(Box::new(eye), "lo", SERIAL)?;
+        // Last, so that nothing is left of a twin that could not be.
+        std::fs::create_dir_all(&spec.folder).map_err(system("folder of the twin"))?;
+        // The rig file is used from other places than where it lies.
+        let folder = spec.folder.canonicalize().map_err(system("folder of the twin"))?;
+        let rig_file = folder.join("rig.toml");
         let hands = Hands::start(&folder, devices.bench)?;
         let server = server.map_or(String::new(), |server| format!("server = {server:?}\n"));
         let text = format!(
@@ -149,7 +151,7 @@ impl Twin {
         Ok(Self { camera, stand, lamp, optoma, _parts: (hands, control, stage, screen), rig_file })
     }
 
-    /// The rig file that describes it.
+    /// The rig file that describes it, from the root.
     pub fn rig_file(&self) -> &Path {
         &self.rig_file
     }

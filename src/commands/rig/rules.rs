@@ -1,45 +1,10 @@
-//! The way out where a port may not be opened, is in use, or is not there.
+//! What to type to be allowed to open a device: groups, and rules of udev.
 
 use ::rig::devices::{UsbAdapter, usb_adapter};
-use ::rig::{Address, DeviceErrorKind};
 
-/// What to do about a device at `address` that could not be used.
-pub(super) fn advice(kind: DeviceErrorKind, address: Option<&Address>) -> Option<String> {
-    let serial = match address {
-        Some(Address::Serial(path)) => Some(path.as_str()),
-        _ => None,
-    };
-    let monitor = matches!(address, Some(Address::Monitor(_)));
-    Some(match (kind, serial) {
-        (DeviceErrorKind::NotFound, None) if monitor => {
-            "is the projector plugged in and switched on, and a desktop with X running (DISPLAY is its name)? What is there: diaphane rig list".into()
-        }
-        (DeviceErrorKind::MissingDriver, _) if monitor => {
-            "build with it: cargo build --release (it is part of the default features, on Linux)".into()
-        }
-        (DeviceErrorKind::Unsupported, None) if monitor => {
-            "a Vulkan driver has to be there; where the graphics device has none: sudo apt-get install mesa-vulkan-drivers".into()
-        }
-        (DeviceErrorKind::NoPermission, Some(path)) => {
-            format!("{}\n{}", group("dialout"), udev_rule(path, usb_adapter(path).as_ref()))
-        }
-        (DeviceErrorKind::Busy, Some(path)) => {
-            format!("another program has it; find out which: fuser {path}")
-        }
-        (DeviceErrorKind::NotFound, Some(_)) => {
-            "plug it in; what is there: diaphane rig list".into()
-        }
-        (DeviceErrorKind::NotFound, None) => {
-            "is it switched on, and its network control too? Is the address right?".into()
-        }
-        (DeviceErrorKind::Timeout | DeviceErrorKind::Protocol, Some(_)) => {
-            "is it switched on, the cable the right one (crossed or not), and the speed that of the device's menu?".into()
-        }
-        (DeviceErrorKind::Fault, _) => {
-            "look at the device; then home it, with --home, or if that cannot be: diaphane rig test RIG --unlock".into()
-        }
-        _ => return None,
-    })
+/// What to do to have a serial port opened.
+pub(super) fn port_rule(path: &str) -> String {
+    format!("{}\n{}", group("dialout"), udev_rule(path, usb_adapter(path).as_ref()))
 }
 
 fn group(name: &str) -> String {
@@ -102,8 +67,7 @@ mod tests {
         let rule = video_rule("/dev/video2");
         assert!(rule.contains(r#""video4linux", KERNEL=="video2""#), "{rule}");
         assert!(rule.contains("usermod -aG video"), "{rule}");
-        let port = Address::Serial("/dev/there-is-no-such-port".into());
-        let told = advice(DeviceErrorKind::NoPermission, Some(&port)).unwrap_or_default();
+        let told = port_rule("/dev/there-is-no-such-port");
         assert!(told.contains("dialout") && told.contains("udevadm"), "{told}");
     }
 }
