@@ -10,20 +10,20 @@ use std::time::Duration;
 /// Between two looks at whether Ctrl-C was pressed.
 const BLINK: Duration = Duration::from_millis(50);
 
-/// A line that somebody types; `None` where they stop instead: by Ctrl-C, by Ctrl-D, or by q, after
-/// which nothing more is begun.
-pub(crate) fn answer() -> std::io::Result<Option<String>> {
+/// A line that somebody types; `None` where they stop instead, by Ctrl-C, by Ctrl-D, or by q, or
+/// their terminal is gone. Nothing more is begun then.
+pub(crate) fn answer() -> Option<String> {
     // Reading cannot be ended, so that somebody else waits for it; the program ends without them.
     let (typed, line) = channel();
     std::thread::spawn(move || {
         let mut line = String::new();
         let read = std::io::stdin().lock().read_line(&mut line);
         // Who asked may have gone.
-        let _ = typed.send(read.map(|bytes| (bytes > 0).then(|| line.trim().to_owned())));
+        let _ = typed.send(matches!(read, Ok(1..)).then(|| line.trim().to_owned()));
     });
     let line = loop {
         match line.recv_timeout(BLINK) {
-            Ok(line) => break line?,
+            Ok(line) => break line,
             Err(RecvTimeoutError::Timeout) if STOP.load(Ordering::Relaxed) => break None,
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break None,
@@ -33,7 +33,7 @@ pub(crate) fn answer() -> std::io::Result<Option<String>> {
     if line.is_none() {
         STOP.store(true, Ordering::Relaxed);
     }
-    Ok(line)
+    line
 }
 
 /// Asks on the terminal, and waits; not again for what was placed last.
@@ -57,12 +57,11 @@ impl Bench for Technician {
         }
         eprintln!("put on the rig: {target}; then press Enter (q and Enter stops)");
         match answer() {
-            Ok(Some(_)) => {
+            Some(_) => {
                 self.placed = Some(*target);
                 Ok(())
             }
-            Ok(None) => Err(declined(format!("stopped before {target} was on the rig"))),
-            Err(error) => Err(declined(error.to_string())),
+            None => Err(declined(format!("stopped before {target} was on the rig"))),
         }
     }
 }

@@ -110,6 +110,14 @@ fn what_a_session_on_devices_lacks_is_said_at_once() {
     let error = run.json["error"].as_str().unwrap();
     assert!(error.contains("the cap on the lens") && error.contains("[hands]"), "{error}");
 
+    // A program that is not there is missed before anything is made.
+    let hands = "driver = \"program\"\nprogram = \"/there/is/no/such/program\"";
+    let missing = RIG.replace("[hands]\ndriver = \"simulated\"", &format!("[hands]\n{hands}"));
+    std::fs::remove_dir_all(&session).unwrap();
+    let made = init(folder.path(), &missing);
+    assert!(made.code == 1 && made.stderr.contains("no/such/program"), "{}", made.stderr);
+    assert!(!session.exists());
+
     let elsewhere = RIG.replace("slide = 2.0", "slide = 200.0");
     let made = init(folder.path(), &elsewhere);
     assert!(made.code == 2 && made.stderr.contains("places[0].at.slide"), "{}", made.stderr);

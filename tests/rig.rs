@@ -106,7 +106,8 @@ fn parking_moves_the_stage_and_switches_the_projector_off() {
     // A stage that does not know where it is cannot be parked; the projector waits for it.
     let run = rig("park", &path, &[]);
     assert_eq!(run.code, 1, "{}", run.stderr);
-    assert!(run.json["hint"].as_str().unwrap().contains("--home"), "{}", run.json);
+    let again = format!("diaphane rig park {} --home", path.display());
+    assert!(run.json["hint"].as_str().unwrap().contains(&again), "{}", run.json);
     assert_eq!(lamp.power_state().unwrap(), PowerState::On);
     let run = rig("park", &path, &["--home"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
@@ -149,12 +150,18 @@ fn devices_behind_their_protocols_are_found_and_tested() {
         network.port().unwrap(),
         grbl(&serial)
     ));
-    // The board is locked until it has been homed, as real ones are.
+    // The board is locked until it has been homed, as real ones are, which is no trouble.
     let run = rig("list", &path, &[]);
-    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert_eq!((run.code, &run.json["ready"]), (0, &true.into()), "{}", run.stderr);
     assert_eq!(run.json["devices"][0]["state"], "found", "{}", run.json);
-    assert_eq!(run.json["devices"][1]["state"], "trouble", "{}", run.json);
-    assert!(run.json["hint"].as_str().unwrap().contains("--home"), "{}", run.json);
+    assert_eq!(run.json["devices"][1]["state"], "needs-homing", "{}", run.json);
+    let command = format!("diaphane rig test {} --home", path.display());
+    let advice = run.json["devices"][1]["advice"].as_str().unwrap();
+    assert!(advice.contains(&command) && run.stderr.contains(&command), "{}", run.stderr);
+    // But it cannot be moved before, and what to type is said with the path of this file.
+    let run = rig("test", &path, &["--power"]);
+    assert_eq!((run.code, &run.json["pass"]), (1, &false.into()), "{}", run.stderr);
+    assert!(run.json["hint"].as_str().unwrap().contains(&command), "{}", run.json);
 
     let run = rig("test", &path, &["--power", "--home"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
@@ -318,8 +325,84 @@ fn rig_files_that_are_wrong_are_refused() {
         assert!(run.json["hint"].as_str().unwrap().contains("docs/devices.md"), "{}", run.json);
     }
     assert_eq!(rig("list", &path.with_file_name("none.toml"), &[]).code, 2);
-    // Whatever ports this machine has.
+    // Whatever ports this machine has; nothing is asked for, so that nothing is ready or not.
     let run = diaphane(["rig", "list"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
-    assert!(run.json["devices"].is_array());
+    assert!(run.json["devices"].is_array() && run.json.get("ready").is_none(), "{}", run.json);
+}
+
+#[test]
+fn every_device_that_is_broken_has_its_hint_and_ready_is_the_exit_code() {
+    // Nobody listens at the port: it was bound, and closed again.
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let (_folder, path) = rig_file(&format!(
+        "[projector.control]\ndriver = \"pjlink\"\nhost = \"127.0.0.1\"\nport = {port}\n\
+         [hands]\ndriver = \"program\"\nprogram = \"/there/is/no/such/program\"\n\
+         [stage]\ndriver = \"zaber\"\nport = \"/dev/there-is-no-such-port\"\n\
+         axes = [{{ name = \"x\", unit = \"mm\", range = [0.0, 50.0], device = 1, step = 0.001 }}]\n"
+    ));
+    for (command, good) in [("list", "ready"), ("test", "pass")] {
+        let run = rig(command, &path, &[]);
+        assert_eq!((run.code, &run.json[good]), (1, &false.into()), "{}", run.stderr);
+        let hint = run.json["hint"].as_str().unwrap();
+        for (device, words) in [
+            ("projector control", "network control"),
+            ("stage", "is it plugged in"),
+            ("hands", "full path"),
+        ] {
+            let line = hint.lines().find(|line| line.starts_with(&format!("{device}: ")));
+            assert!(line.is_some_and(|line| line.contains(words)), "{command}, {device}: {hint}");
+        }
+        assert_eq!(hint.lines().count(), 3, "{hint}");
+    }
+}
+
+/// What a session on devices was made with, and what the others do not have.
+#[test]
+fn the_folder_of_a_session_stands_for_its_rig_file() {
+    let (folder, path) = rig_file(SIMULATED);
+    let session = folder.path().join("on-devices");
+    let made = diaphane([
+        "init".as_ref(),
+        session.as_os_str(),
+        "--rig".as_ref(),
+        path.as_os_str(),
+        "--size".as_ref(),
+        "18x18x4.5".as_ref(),
+        "--cells".as_ref(),
+        "40x40x10".as_ref(),
+        "--board".as_ref(),
+        "8x5".as_ref(),
+        "--square".as_ref(),
+        "2".as_ref(),
+    ]);
+    assert_eq!(made.code, 0, "{}", made.stderr);
+    for command in ["list", "test", "park", "halt"] {
+        let run = rig(command, &session, &[]);
+        assert_eq!(run.code, 0, "{command}: {}", run.stderr);
+    }
+    assert!(session.join("rig-test-1.png").is_file());
+
+    let simulated = folder.path().join("simulated");
+    let made = diaphane(["init".as_ref(), simulated.as_os_str()]);
+    assert_eq!(made.code, 0, "{}", made.stderr);
+    for (folder, words) in [(simulated.as_path(), "is simulated"), (folder.path(), "rig.toml")] {
+        std::fs::remove_file(&path).unwrap_or_default();
+        for command in ["list", "test", "park", "halt"] {
+            let run = rig(command, folder, &[]);
+            let error = run.json["error"].as_str().unwrap();
+            assert!(run.code == 2 && error.contains(words), "{command}: {error}");
+        }
+    }
+}
+
+/// A twin that cannot be leaves nothing behind.
+#[cfg(all(feature = "aravis", feature = "display", target_os = "linux"))]
+#[test]
+fn a_twin_that_does_not_start_leaves_no_folder() {
+    let folder = tempdir().unwrap();
+    let twin = folder.path().join("twin");
+    let run = rig("twin", &twin, &["--monitor", "there-is-no-such-monitor"]);
+    assert_eq!(run.code, 1, "{}", run.stderr);
+    assert!(!twin.exists());
 }

@@ -75,7 +75,7 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
             return Err(failure);
         }
         if let Some((shot, why)) = bad {
-            match again()? {
+            match again() {
                 Some(true) => rig::set_aside(session.folder(), shot)?,
                 Some(false) => complaints.push(format!("{}: {why}", shot.name)),
                 None => return Err(interrupted(None, &outcome, &command)),
@@ -90,11 +90,11 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
 }
 
 /// Whether to take the picture again, asked on the terminal; `None` where they stop instead.
-fn again() -> Result<Option<bool>, Failure> {
+fn again() -> Option<bool> {
     eprintln!(
         "  mend it and press Enter to take it again; k and Enter keeps it; q and Enter stops"
     );
-    Ok(answer().map_err(Failure::other)?.map(|answer| answer != "k"))
+    answer().map(|answer| answer != "k")
 }
 
 /// What is put on the bench, in order, each once.

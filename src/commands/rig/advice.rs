@@ -17,12 +17,22 @@ pub(super) enum Part {
 }
 
 /// A device of a rig that was asked for something.
-#[derive(Clone)]
 pub(super) struct Asked<'a> {
     pub part: Part,
     pub address: Option<Address>,
+    /// The command that asked.
+    pub command: Command,
     /// The rig as it was named, for commands.
     pub rig: &'a Path,
+}
+
+/// Commands that ask devices.
+#[derive(Clone, Copy)]
+pub(super) enum Command {
+    List,
+    Test,
+    Park,
+    Halt,
 }
 
 impl Asked<'_> {
@@ -69,14 +79,16 @@ impl Asked<'_> {
     fn stage(&self, kind: DeviceErrorKind) -> Option<String> {
         use DeviceErrorKind as K;
         Some(match kind {
-            K::NotHomed => format!(
-                "see that its way is free, then home it: {}; a capture does it by itself where the rig file has [[places]]",
-                self.command("test", "--home")
+            // Many forget it again when their port is closed: each command homes for itself.
+            K::NotHomed if matches!(self.command, Command::List) => format!(
+                "nothing is wrong: a capture homes it by itself where the rig file has [[places]]; to try it: {}",
+                self.with("--home")
             ),
+            K::NotHomed => format!("see that its way is free, then: {}", self.with("--home")),
             K::Fault => format!(
-                "look at the stage; then home it: {}; or, if that cannot be: {}",
-                self.command("test", "--home"),
-                self.command("test", "--unlock")
+                "look at the stage; then home it: {}; or, if that cannot be: diaphane rig test {} --unlock",
+                self.with("--home"),
+                self.rig.display()
             ),
             K::Timeout | K::Protocol => {
                 "is its power on, is this its port, and baud the speed of its controller? What is at which port: diaphane rig list".into()
@@ -96,7 +108,12 @@ impl Asked<'_> {
         })
     }
 
-    fn command(&self, command: &str, flag: &str) -> String {
+    /// The same command, or the one that tries devices, with a flag more.
+    fn with(&self, flag: &str) -> String {
+        let command = match self.command {
+            Command::Park => "park",
+            Command::List | Command::Test | Command::Halt => "test",
+        };
         format!("diaphane rig {command} {} {flag}", self.rig.display())
     }
 }
@@ -157,8 +174,9 @@ mod tests {
     #[test]
     fn a_silent_device_is_given_the_advice_of_its_own_kind() {
         let rig = Path::new("my-twin/rig.toml");
-        let advice =
-            |part, address, kind| Asked { part, address, rig }.advice(kind).unwrap_or_default();
+        let advice = |part, address, kind| {
+            Asked { part, address, command: Command::Test, rig }.advice(kind).unwrap_or_default()
+        };
         let serial = || Some(Address::Serial("/dev/ttyUSB0".into()));
         let network = || Some(Address::Tcp("10.0.0.7".into(), 4352));
         for (part, address, kind, words, not) in [

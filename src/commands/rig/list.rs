@@ -1,6 +1,6 @@
 //! `diaphane rig list`: what is connected, and what is in the way.
 
-use super::advice::{self, Asked, Part};
+use super::advice::{self, Asked, Command, Part};
 use super::{Simulated, camera, read};
 use crate::Failure;
 use crate::output::Done;
@@ -121,7 +121,7 @@ impl Device {
         let (state, found, advice) = match answer {
             Ok(path) => (State::Found, format!("{} may be called", path.display()), None),
             Err(error) => {
-                let asked = Asked { part: Part::Hands, address: None, rig };
+                let asked = Asked { part: Part::Hands, address: None, command: Command::List, rig };
                 (State::of(&error), error.to_string(), asked.advice(error.kind()))
             }
         };
@@ -246,7 +246,12 @@ fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
             // Looked for only: a window would flash up on whatever is shown there.
             let answer =
                 find_monitor(server.as_deref(), monitor).map(|monitor| monitor.to_string());
-            let asked = Asked { part: Part::Picture, address: config.address(), rig };
+            let asked = Asked {
+                part: Part::Picture,
+                address: config.address(),
+                command: Command::List,
+                rig,
+            };
             devices.push(Device::new("projector", config.driver(), asked, answer));
         }
         None => {}
@@ -255,7 +260,8 @@ fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
         let mut projector = config.open(&Simulated::default());
         let answer =
             projector.power_state().and_then(|power| Ok(format!("{}, {power}", projector.name()?)));
-        let asked = Asked { part: Part::Control, address: config.address(), rig };
+        let asked =
+            Asked { part: Part::Control, address: config.address(), command: Command::List, rig };
         devices.push(Device::new("projector control", config.driver(), asked, answer));
     }
     if let Some(config) = &file.stage {
@@ -267,7 +273,8 @@ fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
             .map(|(number, name)| Ok(format!("{name} at {}", stage.position(number)?)))
             .collect();
         let answer = places.map(|places| places.join(", "));
-        let asked = Asked { part: Part::Stage, address: config.address(), rig };
+        let asked =
+            Asked { part: Part::Stage, address: config.address(), command: Command::List, rig };
         devices.push(Device::new("stage", config.driver(), asked, answer));
     }
     match (&file.hands, file.hands.program()) {

@@ -42,19 +42,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
 }
 
-/// A rig file, or the folder of a session on devices, which has one.
-#[derive(clap::Args)]
-struct RigArg {
-    /// Rig file, or folder of a session on devices
-    rig: PathBuf,
-}
-
-impl RigArg {
-    fn read(&self) -> Result<RigFile, Failure> {
-        read(&self.rig)
-    }
-}
-
 /// The rig file that is meant: the file itself, or that of a session.
 fn read(path: &Path) -> Result<RigFile, Failure> {
     Ok(RigFile::read(&file_of(path)?)?)

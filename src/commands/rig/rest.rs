@@ -1,13 +1,14 @@
 //! `diaphane rig park` and `diaphane rig halt`: the end of the work, and the end of a fright.
 
-use super::advice::{Asked, Part};
-use super::{RigArg, Simulated, nothing};
+use super::advice::{Asked, Command, Part};
+use super::{Simulated, nothing, read};
 use crate::Failure;
 use crate::cli::STOP;
 use crate::output::{Done, Progress};
 use ::rig::DeviceError;
 use ::rig::devices::{PowerState, power_off};
 use serde_json::json;
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -17,8 +18,8 @@ use std::time::Duration;
     after_help = "Examples:\n  diaphane rig park rig.toml\n  diaphane rig park my-marble --home"
 )]
 pub(crate) struct Park {
-    #[command(flatten)]
-    rig: RigArg,
+    /// Rig file, or folder of a session on devices
+    rig: PathBuf,
     /// Find the stage's reference first: it goes to its switches
     #[arg(long)]
     home: bool,
@@ -28,8 +29,8 @@ pub(crate) struct Park {
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane rig halt rig.toml")]
 pub(crate) struct Halt {
-    #[command(flatten)]
-    rig: RigArg,
+    /// Rig file, or folder of a session on devices
+    rig: PathBuf,
 }
 
 /// For the way to one parking place: the longest slides need minutes.
@@ -39,20 +40,30 @@ const MOVE: Duration = Duration::from_secs(180);
 const COOLING: Duration = Duration::from_secs(300);
 
 pub(super) fn park(args: &Park) -> Result<Done, Failure> {
-    let file = args.rig.read()?;
+    let file = read(&args.rig)?;
     let mut done = Vec::new();
     // The stage first: it is the one that stands in the way.
     if let Some(config) = &file.stage {
         let mut stage = config.open(&Simulated::default());
         let homed = if args.home { stage.home(MOVE) } else { Ok(()) };
-        let asked = Asked { part: Part::Stage, address: config.address(), rig: &args.rig.rig };
+        let asked = Asked {
+            part: Part::Stage,
+            address: config.address(),
+            command: Command::Park,
+            rig: &args.rig,
+        };
         homed.and_then(|()| stage.park(MOVE)).map_err(|error| failure(error, &asked))?;
         done.push("stage");
     }
     if let Some(config) = &file.projector.control {
         let mut projector = config.open(&Simulated::default());
         let mut progress = Progress::new("projector", 0);
-        let asked = Asked { part: Part::Control, address: config.address(), rig: &args.rig.rig };
+        let asked = Asked {
+            part: Part::Control,
+            address: config.address(),
+            command: Command::Park,
+            rig: &args.rig,
+        };
         power_off(projector.as_mut(), COOLING, &mut |state: PowerState, _| {
             progress.set(0, &state.to_string());
             !STOP.load(Ordering::Relaxed)
@@ -62,18 +73,23 @@ pub(super) fn park(args: &Park) -> Result<Done, Failure> {
         done.push("projector");
     }
     if done.is_empty() {
-        return Err(nothing(&args.rig.rig, "neither a [stage] nor a [projector.control] to park"));
+        return Err(nothing(&args.rig, "neither a [stage] nor a [projector.control] to park"));
     }
     Ok(Done::new(json!({ "parked": done }), format!("parked: {}", done.join(", "))))
 }
 
 pub(super) fn halt(args: &Halt) -> Result<Done, Failure> {
-    let file = args.rig.read()?;
+    let file = read(&args.rig)?;
     let Some(config) = &file.stage else {
-        return Err(nothing(&args.rig.rig, "no [stage] to halt"));
+        return Err(nothing(&args.rig, "no [stage] to halt"));
     };
     let mut stage = config.open(&Simulated::default());
-    let asked = Asked { part: Part::Stage, address: config.address(), rig: &args.rig.rig };
+    let asked = Asked {
+        part: Part::Stage,
+        address: config.address(),
+        command: Command::Halt,
+        rig: &args.rig,
+    };
     stage.halt().map_err(|error| failure(error, &asked))?;
     let text = format!("{}: halted; it may have to be homed", stage.name());
     Ok(Done::new(json!({ "halted": stage.name() }), text))

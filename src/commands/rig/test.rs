@@ -1,6 +1,6 @@
 //! `diaphane rig test`: try each device for a moment.
 
-use super::advice::{self, Asked, Part};
+use super::advice::{self, Asked, Command, Part};
 use super::{Simulated, camera, file_of, nothing};
 use crate::Failure;
 use crate::cli::STOP;
@@ -23,8 +23,8 @@ use std::time::Duration;
 
 /// Try each device for a moment
 ///
-/// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on; white,
-/// black and every other pixel flash up on it. Then it shows white, and the camera takes three
+/// A projector is asked for its state, lamp and faults, and muted and unmuted if it is on; white and
+/// black flash up on it, and every other pixel stands for three seconds. Then it shows white, and the camera takes three
 /// pictures, one of which is written to be looked at. Each axis of a stage goes 1 mm or 1° away and
 /// back: see that nothing is in its way. A program that puts things in place is looked for, not
 /// called.
@@ -64,6 +64,8 @@ struct Tested {
     advice: Option<String>,
 }
 
+/// Every other pixel stands on the wall for so long that somebody can see whether it is even.
+const LOOK: Duration = Duration::from_secs(3);
 /// For one short move, and for homing: the slowest stages need a minute or two.
 const MOVE: Duration = Duration::from_secs(60);
 const HOMING: Duration = Duration::from_secs(180);
@@ -156,7 +158,7 @@ fn what_helps(checks: &[Check], asked: &Asked<'_>) -> Option<String> {
 fn look_for(hands: &HandsProgram, args: &Args) -> Tested {
     let found = hands.find().map(|path| format!("{} may be called", path.display()));
     let checks = vec![Check::of("program", found)];
-    let asked = Asked { part: Part::Hands, address: None, rig: &args.rig };
+    let asked = Asked { part: Part::Hands, address: None, command: Command::Test, rig: &args.rig };
     let advice = what_helps(&checks, &asked);
     Tested { part: "hands", driver: "program", checks, advice }
 }
@@ -186,7 +188,12 @@ fn test_control(config: &ControlConfig, args: &Args) -> Tested {
         checks.push(step("switch on", switch_on(projector.as_mut(), config.warm_up())));
     }
     checks.extend(test_projector_control(projector.as_mut(), config.input()));
-    let asked = Asked { part: Part::Control, address: config.address(), rig: &args.rig };
+    let asked = Asked {
+        part: Part::Control,
+        address: config.address(),
+        command: Command::Test,
+        rig: &args.rig,
+    };
     let advice = what_helps(&checks, &asked);
     Tested { part: "projector control", driver: config.driver(), checks, advice }
 }
@@ -198,10 +205,18 @@ fn flash(
     args: &Args,
 ) -> (Tested, Option<Box<dyn Projector>>) {
     let (part, driver) = ("projector", config.driver());
-    let asked = Asked { part: Part::Picture, address: config.address(), rig: &args.rig };
+    let asked = Asked {
+        part: Part::Picture,
+        address: config.address(),
+        command: Command::Test,
+        rig: &args.rig,
+    };
     let (checks, display) = match config.open(simulated) {
         Ok(mut display) => {
             let mut checks = test_display(display.as_mut());
+            if matches!(config, DisplayConfig::Window { .. }) {
+                std::thread::sleep(LOOK);
+            }
             let ProjectorInfo { width, height, .. } = display.info();
             let data = vec![u8::MAX; width as usize * height as usize];
             let white = display.show(&ProjectorImage { width, height, data });
@@ -239,7 +254,12 @@ fn move_stage(config: &StageConfig, args: &Args) -> Tested {
     if !failed(&checks) {
         checks.extend(test_stage(stage.as_mut(), MOVE));
     }
-    let asked = Asked { part: Part::Stage, address: config.address(), rig: &args.rig };
+    let asked = Asked {
+        part: Part::Stage,
+        address: config.address(),
+        command: Command::Test,
+        rig: &args.rig,
+    };
     let advice = what_helps(&checks, &asked);
     Tested { part, driver, checks, advice }
 }
