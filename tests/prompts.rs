@@ -25,8 +25,6 @@ driver = "simulated"
 enum Stop {
     Letter,
     CtrlC,
-    /// Their terminal is gone.
-    HangUp,
 }
 
 /// Runs a command at a terminal and stops it where it asks for something.
@@ -52,7 +50,6 @@ fn stopped(arguments: &[&str], how: Stop) -> Run {
             let pid = child.id().to_string();
             assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
         }
-        Stop::HangUp => drop((keyboard, terminal)),
     }
     said.read_to_string(&mut stderr).unwrap();
     let out = child.wait_with_output().unwrap();
@@ -81,7 +78,7 @@ fn who_stops_at_a_placement_interrupts_and_is_told_how_to_go_on() {
         "2",
     ]);
     assert_eq!(made.code, 0, "{}", made.stderr);
-    for how in [Stop::Letter, Stop::CtrlC, Stop::HangUp] {
+    for how in [Stop::Letter, Stop::CtrlC] {
         for (command, asked) in [
             (&["capture", session, "--noise"][..], "the cap on the lens"),
             (&["calibrate", "all", session], "the chessboard, pose 1"),

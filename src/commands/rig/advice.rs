@@ -100,7 +100,9 @@ impl Asked<'_> {
     fn hands(&self, kind: DeviceErrorKind) -> Option<String> {
         use DeviceErrorKind as K;
         Some(match kind {
-            K::NotFound => "name it by its full path: program = \"/...\" under [hands]".into(),
+            K::NotFound => {
+                "is there such a file? Its full path goes into the rig file: program = \"/...\" under [hands]".into()
+            }
             K::NoPermission => {
                 "make a program of it: chmod +x, and a first line such as #!/bin/sh".into()
             }
