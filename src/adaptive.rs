@@ -102,10 +102,7 @@ impl Chosen {
         let changed = |what: &str| {
             let error =
                 format!("{}: chosen for another {what} than session.toml has now", path.display());
-            Err(Failure::input(error).hint(format!(
-                "change it back, or go on elsewhere: diaphane branch {} OTHER",
-                session.folder().display()
-            )))
+            Err(Failure::input(error).hint(session.branch_hint()))
         };
         if found.bracket_s != asked {
             return changed(&format!("bracket ({:?} s, not {asked:?} s)", found.bracket_s));

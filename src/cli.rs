@@ -7,7 +7,7 @@ use crate::commands::{
 };
 use crate::output::Done;
 use ::rig::devices::Parking;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -86,7 +86,11 @@ const PARKING: Duration = Duration::from_secs(180);
 /// Runs the command that the arguments ask for.
 pub fn main() -> ExitCode {
     let json = std::env::args().any(|a| a == "--json");
-    let cli = match Cli::try_parse() {
+    let mut asked = numbers_may_be_negative(Cli::command());
+    let parsed = asked.try_get_matches_from_mut(std::env::args_os()).and_then(|matches| {
+        Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut asked))
+    });
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() && json => {
             let text = error.render().to_string();
@@ -138,6 +142,19 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.code)
         }
     }
+}
+
+/// `--lambda -1` is a value and not a flag, so that what is wrong with it is told.
+fn numbers_may_be_negative(command: clap::Command) -> clap::Command {
+    let names: Vec<String> =
+        command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
+    let command = command.mut_args(|arg| {
+        let takes = arg.get_action().takes_values();
+        if takes { arg.allow_negative_numbers(true) } else { arg }
+    });
+    names
+        .into_iter()
+        .fold(command, |command, name| command.mut_subcommand(name, numbers_may_be_negative))
 }
 
 fn run(command: Command) -> Result<Done, Failure> {

@@ -106,7 +106,6 @@ from_input!(
     material::GridError,
     material::MaterialError,
     rig::FrameError,
-    rig::JournalError,
     rig::PlanError,
 );
 
@@ -165,12 +164,26 @@ impl From<rig::RunError> for Failure {
             }
             rig::RunError::Device { .. } => Self::other(error)
                 .hint("mend the device and run the same command again: nothing is lost"),
-            rig::RunError::OtherSettings { .. } => Self::input(error).hint(
-                "put the old values back into session.toml, or go on with the new ones in a session of their own: diaphane branch SESSION NEW",
-            ),
-            rig::RunError::NoSpace { .. } => Self::other(error)
-                .hint("make room and run the same command again: nothing is lost"),
+            rig::RunError::NoSpace { .. } => {
+                Self::other(error).hint("make room and run the same command again: nothing is lost")
+            }
+            rig::RunError::Journal(error) => error.into(),
             error => Self::input(error),
         }
+    }
+}
+
+impl From<rig::JournalError> for Failure {
+    fn from(error: rig::JournalError) -> Self {
+        use rig::JournalError as E;
+        let hint = match &error {
+            E::InUse { .. } => "wait until it has ended, or end it with Ctrl-C".to_owned(),
+            E::Damaged { path, .. } => format!(
+                "move {} away and capture again: frames that are whole are kept",
+                path.display()
+            ),
+            E::Io { .. } => return Self::input(error),
+        };
+        Self::input(error).hint(hint)
     }
 }

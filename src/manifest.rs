@@ -140,13 +140,18 @@ impl Manifest {
     /// Names the file and the key.
     pub fn load(path: &Path) -> Result<Self, Failure> {
         let told = path.display();
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| Failure::input(format!("{told}: cannot be read: {e}")))?;
+        let text = std::fs::read_to_string(path).map_err(|e| {
+            Failure::input(format!("{told}: cannot be read: {e}")).hint(
+                "it says what the pictures show; an example stands in: diaphane import --help",
+            )
+        })?;
         let manifest: Self = toml::from_str(&text).map_err(|e| {
             Failure::input(format!("{told}: {}", e.to_string().trim_end()))
                 .hint("an example stands in: diaphane import --help")
         })?;
-        manifest.check().map_err(|e| Failure::input(format!("{told}: {e}")))?;
+        manifest
+            .check()
+            .map_err(|e| Failure::input(format!("{told}: {e}")).hint("all keys: docs/import.md"))?;
         Ok(manifest)
     }
 

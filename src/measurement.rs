@@ -2,13 +2,14 @@
 
 use crate::Failure;
 use crate::session::Session;
-use material::{Face, Overwrite, npz};
+use crate::steps::Ledger;
+use material::{Face, Input, Overwrite, hash_file, npz};
 use rig::Purpose;
 use serde::{Deserialize, Serialize};
 
 /// Where it is kept in a session.
 pub(crate) const ARRAYS: &str = "measurement/measurement.npz";
-const INDEX: &str = "measurement/measurement.json";
+pub(crate) const INDEX: &str = "measurement/measurement.json";
 
 /// Names of the channels, in order.
 pub(crate) const CHANNELS: [&str; 3] = ["R", "G", "B"];
@@ -43,6 +44,37 @@ struct Index {
     cells: [usize; 2],
     channels: Vec<String>,
     patterns: Vec<IndexEntry>,
+    /// What it was made from; empty where that is outside of the session.
+    #[serde(default)]
+    inputs: Vec<Input>,
+    /// BLAKE3 of the arrays' file; None in files from before it was noted.
+    #[serde(default)]
+    arrays: Option<String>,
+}
+
+/// What a measurement says of itself.
+pub(crate) struct MadeFrom {
+    pub cells: [usize; 2],
+    pub inputs: Vec<Input>,
+}
+
+/// What a session's measurement was made from.
+///
+/// # Errors
+/// It is not whole.
+pub(crate) fn made_from(ledger: &Ledger<'_>) -> Result<MadeFrom, Failure> {
+    let session = ledger.session;
+    let index: Index = session.read_json(INDEX, "diaphane merge SESSION")?;
+    if let Some(expected) = &index.arrays {
+        if ledger.file(ARRAYS).blake3.as_ref() != Some(expected) {
+            let path = session.path(ARRAYS).display().to_string();
+            let error = format!("{path}: its content is not what was written, {INDEX} says");
+            return Err(Failure::input(error));
+        }
+    } else {
+        npz::NpzReader::open(&session.path(ARRAYS))?;
+    }
+    Ok(MadeFrom { cells: index.cells, inputs: index.inputs })
 }
 
 #[derive(Serialize, Deserialize)]
@@ -52,7 +84,13 @@ struct IndexEntry {
 }
 
 impl Measured {
-    pub fn save(&self, session: &Session, overwrite: Overwrite) -> Result<(), Failure> {
+    /// Writes it, with what it was made from.
+    pub fn save(
+        &self,
+        session: &Session,
+        inputs: Vec<Input>,
+        overwrite: Overwrite,
+    ) -> Result<(), Failure> {
         let [nx, ny] = self.cells;
         let (m, c) = (self.patterns.len(), self.channels.len());
         let flat = |pick: &dyn Fn(&MeasuredPattern) -> Vec<f32>| -> Vec<f32> {
@@ -63,7 +101,8 @@ impl Measured {
         let radiance = flat(&|p| narrow(&p.radiance));
         let variance = flat(&|p| narrow(&p.variance));
         let irradiance = flat(&|p| p.irradiance.iter().map(|v| *v as f32).collect());
-        npz::write(&session.result(ARRAYS)?, overwrite, |npz| {
+        let path = session.result(ARRAYS)?;
+        npz::write(&path, overwrite, |npz| {
             npz.array_f32("radiance", &[m, c, ny, nx], &radiance)?;
             npz.array_f32("variance", &[m, c, ny, nx], &variance)?;
             npz.array_f32("irradiance", &[m, ny, nx], &irradiance)
@@ -73,7 +112,8 @@ impl Measured {
             purpose: if p.held_out { Purpose::HeldOut } else { Purpose::Fit },
         };
         let patterns = self.patterns.iter().map(entry).collect();
-        let index = Index { cells: self.cells, channels: self.channels.clone(), patterns };
+        let (cells, channels) = (self.cells, self.channels.clone());
+        let index = Index { cells, channels, patterns, inputs, arrays: Some(hash_file(&path)?) };
         session.write_json(INDEX, &index, overwrite).map(|_| ())
     }
 
@@ -95,8 +135,9 @@ impl Measured {
                 arrays.display(),
                 grid.cells()
             );
-            let make = make.replace("SESSION", &session.folder().display().to_string());
-            return Err(Failure::input(error).hint(format!("measure again: {make} --force")));
+            let make = make.trim_start_matches("diaphane ");
+            let hint = format!("measure again: {} --force", session.command(make));
+            return Err(Failure::input(error).hint(hint));
         }
         let mut npz = npz::NpzReader::open(&arrays)?;
         let radiance = npz.shaped("radiance", &[m, c, ny, nx])?;

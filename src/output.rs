@@ -105,6 +105,12 @@ impl Progress {
     }
 }
 
+/// `1 frame`, `2 frames`.
+pub(crate) fn counted(n: usize, one: &str) -> String {
+    let s = if n == 1 { "" } else { "s" };
+    format!("{n} {one}{s}")
+}
+
 /// In the unit that people would use.
 fn duration(seconds: f64) -> String {
     match seconds {
@@ -112,6 +118,39 @@ fn duration(seconds: f64) -> String {
         s if s < 5400.0 => format!("{:.0} min", s / 60.0),
         s => format!("{:.1} h", s / 3600.0),
     }
+}
+
+/// Fails where a folder that is to be read is not there; `flag` names it.
+pub(crate) fn check_input_folder(folder: &Path, flag: &str) -> Result<(), Failure> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let what = if folder.exists() { "is no folder" } else { "there is no such folder" };
+    let error = format!("{}: {what}", folder.display());
+    Err(Failure::input(error).hint(format!("{flag} names the folder that holds the pictures")))
+}
+
+/// The file to write: the one that was asked for, else `name` in the folder of pictures that `flag`
+/// names.
+pub(crate) fn output_beside(
+    asked: Option<&Path>,
+    pictures: &Path,
+    name: &str,
+    flag: &str,
+) -> Result<PathBuf, Failure> {
+    match asked {
+        Some(path) => Ok(path.to_owned()),
+        None => check_input_folder(pictures, flag).map(|()| pictures.join(name)),
+    }
+}
+
+/// Fails where pictures are written as PNG but would not be named so.
+pub(crate) fn check_png_name(path: &Path, flag: &str) -> Result<(), Failure> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    let error = format!("{flag}: {}: the picture is written as PNG", path.display());
+    Err(Failure::input(error).hint(format!("name it {}", path.with_extension("png").display())))
 }
 
 /// Files of these names in a folder, which is made if it is not there; fails before the work where

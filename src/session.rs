@@ -1,14 +1,19 @@
 //! A session: one folder that holds everything about one sample on one rig.
 
+mod check;
+
 use crate::Failure;
 use crate::adaptive::Brackets;
 use crate::wheel::KnownWheel;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
-use rig::{Acquisition, Chessboard, ProjectorMethod, SampleScheme};
+use rig::{Acquisition, Chessboard, ProjectorMethod, RunError, SampleScheme};
 use serde::{Deserialize, Serialize};
 use simulator::{Imperfections, SampleSpec, SimulatedRig, Transport};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// What makes a folder a session.
+const FILE: &str = "session.toml";
 
 /// Version of `session.toml` that this program writes, and the newest that it reads.
 const VERSION: u32 = 1;
@@ -47,17 +52,9 @@ pub(crate) struct Sample {
 
 impl Sample {
     pub fn optics(&self) -> Result<Optics, Failure> {
-        if !(self.eta.is_finite() && self.eta >= 1.0) {
-            let error = format!("session.toml: sample.eta must be at least 1, found {}", self.eta);
-            return Err(Failure::input(error));
-        }
+        self.check().map_err(|e| Failure::input(format!("session.toml: {e}")))?;
         let mut optics = Optics::with_boundary(self.eta, self.boundary);
         if let Some(c) = self.boundary_constant {
-            if !(c.is_finite() && c > 0.0) {
-                let error =
-                    format!("session.toml: sample.boundary_constant must be positive, found {c}");
-                return Err(Failure::input(error));
-            }
             optics.boundary_constant = c;
         }
         optics.lateral = self.lateral;
@@ -175,79 +172,22 @@ impl Default for PlanConfig {
     }
 }
 
-/// Most cells of a grid: 512³, some 20 GB of work space.
-const MOST_CELLS: usize = 1 << 27;
+/// A path as it can be typed into a shell.
+fn quoted(path: &Path) -> String {
+    let path = path.display().to_string();
+    if path.contains(char::is_whitespace) { format!("\"{path}\"") } else { path }
+}
 
-impl Config {
-    /// What is written by hand may be anything.
-    fn check(&self) -> Result<(), String> {
-        let plan = &self.plan;
-        if self.sample.grid.len() > MOST_CELLS {
-            return Err(format!(
-                "sample.grid: at most {MOST_CELLS} cells, found {}",
-                self.sample.grid.len()
-            ));
-        }
-        if plan.regions.iter().any(|n| !(1..=64).contains(n)) {
-            return Err(format!("plan.regions: from 1 to 64 each, found {:?}", plan.regions));
-        }
-        if plan.scheme == SampleScheme::Multiplexed && self.sample.lit_face == Face::Front {
-            return Err(
-                "plan.scheme: \"multiplexed\" needs a block that is lit from the back: lit \
-                        from the front, half of each picture would be lit directly and masked"
-                    .into(),
-            );
-        }
-        if plan.board_poses > 1000 {
-            return Err(format!("plan.board_poses: at most 1000, found {}", plan.board_poses));
-        }
-        if plan.projector_px.iter().any(|n| !(8..=16384).contains(n)) {
-            return Err(format!(
-                "plan.projector_px: from 8 to 16384 each, found {:?}",
-                plan.projector_px
-            ));
-        }
-        if !(5..=256).contains(&plan.ramp_levels) {
-            return Err(format!("plan.ramp_levels: from 5 to 256, found {}", plan.ramp_levels));
-        }
-        if let ProjectorMethod::PhaseShift(phase) = plan.projector_method
-            && (!(4..=1024).contains(&phase.period_px) || !(3..=64).contains(&phase.steps))
-        {
-            return Err(format!(
-                "plan.projector_method: a period of 4 to 1024 pixels and 3 to 64 steps, found {} and {}",
-                phase.period_px, phase.steps
-            ));
-        }
-        let shown = &plan.projector_board;
-        if (shown.columns + shown.rows).is_multiple_of(2) {
-            return Err(format!(
-                "plan.projector_board: one side must be odd and one even, so that a half turn shows; found {} x {}",
-                shown.columns, shown.rows
-            ));
-        }
-        match &self.rig {
-            RigConfig::Simulated { board, imperfections, transport, .. } => {
-                imperfections.check().map_err(|e| format!("rig.imperfections.{e}"))?;
-                transport.check().map_err(|e| format!("rig.transport: {e}"))?;
-                board.check().map_err(|e| format!("rig.{e}"))?;
-            }
-            RigConfig::Devices { board, camera, .. } => {
-                board.check().map_err(|e| format!("rig.{e}"))?;
-                let good = camera.width > 0
-                    && camera.height > 0
-                    && matches!(camera.channels, 1 | 3)
-                    && (8..=16).contains(&camera.bit_depth);
-                if !good {
-                    return Err(format!(
-                        "rig.camera: at least a pixel, 1 or 3 channels, 8 to 16 bits; found {} x {}, {} and {}",
-                        camera.width, camera.height, camera.channels, camera.bit_depth
-                    ));
-                }
-            }
-            RigConfig::Imported => {}
-        }
-        Ok(())
-    }
+/// The first folder of the names `folder-2`, `folder-3`, … that is not there.
+pub(crate) fn free_beside(folder: &Path) -> PathBuf {
+    let name = folder.file_name().map_or("session".into(), |name| name.to_string_lossy());
+    // Names such as wax-2 count on.
+    let (stem, from) = match name.rsplit_once('-').map(|(stem, n)| (stem, n.parse::<u32>())) {
+        Some((stem, Ok(n))) if n < 1000 => (stem.to_owned(), n + 1),
+        _ => (name.into_owned(), 2),
+    };
+    let places = (from..).map(|n| folder.with_file_name(format!("{stem}-{n}")));
+    places.into_iter().find(|place| !place.exists()).unwrap_or_else(|| folder.join("branch"))
 }
 
 /// An open session.
@@ -261,41 +201,56 @@ pub(crate) struct Session {
 impl Session {
     /// Makes the folder and writes `session.toml`.
     pub fn create(folder: &Path, config: Config, overwrite: Overwrite) -> Result<Self, Failure> {
-        config.check().map_err(Failure::input)?;
+        config.check().map_err(|e| {
+            Failure::input(e).hint("what can be given: diaphane init --help, docs/import.md")
+        })?;
         std::fs::create_dir_all(folder)
             .map_err(|e| Failure::input(format!("{}: cannot be made: {e}", folder.display())))?;
         let text = toml::to_string(&config).map_err(Failure::other)?;
-        atomic_write(&folder.join("session.toml"), overwrite, |file| {
-            file.write_all(text.as_bytes())
-        })?;
+        atomic_write(&folder.join(FILE), overwrite, |file| file.write_all(text.as_bytes()))?;
         Ok(Self { folder: folder.into(), config, wheel: KnownWheel::read(folder) })
     }
 
     pub fn open(folder: &Path) -> Result<Self, Failure> {
-        let path = folder.join("session.toml");
-        let text = std::fs::read_to_string(&path).map_err(|e| {
-            Failure::input(format!("{}: cannot be read: {e}", path.display())).hint(format!(
-                "a session is a folder with a session.toml; make one with: diaphane init {}",
-                folder.display()
+        Self::refuse_none(folder)?;
+        let path = folder.join(FILE);
+        let told = path.display();
+        let text = std::fs::read_to_string(&path)
+            .map_err(|e| Failure::input(format!("{told}: cannot be read: {e}")))?;
+        let bad = |e: &dyn std::fmt::Display| {
+            let error = format!("{told}: {}", e.to_string().trim_end());
+            Failure::input(error).hint(format!(
+                "put that right in {told}; diaphane init in another folder writes one that is whole, to compare with"
             ))
-        })?;
-        let bad = |e: toml::de::Error| Failure::input(format!("{}: {e}", path.display()));
+        };
         // The version first: a newer file may well hold keys that mean nothing here.
         #[derive(Deserialize)]
         struct Version {
             version: u32,
         }
-        let found = toml::from_str::<Version>(&text).map_err(bad)?.version;
+        let found = toml::from_str::<Version>(&text).map_err(|e| bad(&e))?.version;
         if found > VERSION {
             let error = format!(
-                "{}: written by a newer version of Diaphane: layout {found}, this version reads up to {VERSION}",
-                path.display()
+                "{told}: written by a newer version of Diaphane: layout {found}, this version reads up to {VERSION}"
             );
             return Err(Failure::input(error).hint("update Diaphane"));
         }
-        let config: Config = toml::from_str(&text).map_err(bad)?;
-        config.check().map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+        let config: Config = toml::from_str(&text).map_err(|e| bad(&e))?;
+        config.check().map_err(|e| bad(&e))?;
         Ok(Self { folder: folder.into(), config, wheel: KnownWheel::read(folder) })
+    }
+
+    /// Fails where a folder is no session, or not there.
+    pub fn refuse_none(folder: &Path) -> Result<(), Failure> {
+        let path = folder.join(FILE);
+        if path.is_file() {
+            return Ok(());
+        }
+        let why = if folder.is_dir() { "is not there" } else { "its folder is not there" };
+        Err(Failure::input(format!("{}: {why}", path.display())).hint(format!(
+            "a session is a folder with a session.toml; make one with: diaphane init {}",
+            quoted(folder)
+        )))
     }
 
     pub fn folder(&self) -> &Path {
@@ -313,8 +268,7 @@ impl Session {
         if path.is_file() {
             return Ok(path);
         }
-        let command = command.replace("SESSION", &self.folder.display().to_string());
-        Err(Failure::missing(&path.display().to_string(), &command))
+        Err(Failure::missing(&path.display().to_string(), &self.filled(command)))
     }
 
     /// A path for a result; its folder is made.
@@ -339,8 +293,8 @@ impl Session {
             .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
         serde_json::from_slice(&bytes).map_err(|e| {
             let error = format!("{}: damaged or of another version: {e}", path.display());
-            let command = command.replace("SESSION", &self.folder.display().to_string());
-            Failure::input(error).hint(format!("make it again with: {command} --force"))
+            Failure::input(error)
+                .hint(format!("make it again with: {} --force", self.filled(command)))
         })
     }
 
@@ -360,9 +314,46 @@ impl Session {
     pub fn refuse_existing(&self, relative: &str, overwrite: Overwrite) -> Result<(), Failure> {
         let path = self.path(relative);
         if overwrite == Overwrite::Refuse && path.exists() {
-            return Err(material::FileError::Exists { path }.into());
+            return Err(crate::steps::is_there(self, relative));
         }
         Ok(())
+    }
+
+    /// A command with this session's folder in the place of SESSION.
+    fn filled(&self, command: &str) -> String {
+        command.replace("SESSION", &quoted(&self.folder))
+    }
+
+    /// `diaphane` with `words`, and this session's folder in the place of SESSION.
+    pub fn command(&self, words: &str) -> String {
+        self.filled(&format!("diaphane {words}"))
+    }
+
+    /// How a changed plan goes on elsewhere.
+    pub fn branch_command(&self) -> String {
+        self.command(&format!("branch SESSION {}", quoted(&free_beside(&self.folder))))
+    }
+
+    /// The way out where the plan is another one than that of the pictures.
+    pub fn branch_hint(&self) -> String {
+        format!(
+            "put the old values back into {}, or go on with the new ones in a session of their own: {}",
+            self.path(FILE).display(),
+            self.branch_command()
+        )
+    }
+
+    /// A failed run, with the way out that this session has.
+    pub fn run_failure(&self, error: RunError) -> Failure {
+        let hint = match &error {
+            RunError::OtherSettings { .. } => self.branch_hint(),
+            RunError::Journal(rig::JournalError::InUse { .. }) => format!(
+                "wait until it has ended, or end it with Ctrl-C; how far it is: {}",
+                self.command("status SESSION")
+            ),
+            _ => return error.into(),
+        };
+        Failure::from(error).hint(hint)
     }
 
     /// Exposures of the sample, seconds: whole turns of the projector's colour wheel, if known.

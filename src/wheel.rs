@@ -1,7 +1,7 @@
 //! What a session remembers of its projector's colour wheel: exposures that take whole turns.
 
 use crate::Failure;
-use crate::session::PlanConfig;
+use crate::session::{PlanConfig, Session};
 use calibration::ColourWheel;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -76,6 +76,10 @@ fn whole_turns(wheel: &ColourWheel, asked_s: &[f64]) -> Vec<f64> {
 
 /// The wheel of another session on the same rig.
 pub(crate) fn of_session(folder: &Path) -> Result<KnownWheel, Failure> {
+    Session::refuse_none(folder).map_err(|e| {
+        let error = format!("--light: {}", e.error);
+        Failure { error, ..e }.hint("name a session on the same rig that has measured its light")
+    })?;
     KnownWheel::read(folder).ok_or_else(|| {
         let path = folder.join(LIGHT);
         Failure::input(format!("{}: expected a measured colour wheel, found none", path.display()))

@@ -281,6 +281,63 @@ fn what_is_given_is_judged_before_the_work_and_told_as_it_is() {
     refused(&run, &["v1.txt", "order"]);
 }
 
+/// Folders and sessions to read that are not there: nothing to make, but a name to mend.
+#[test]
+fn hints_lead_somewhere() {
+    let folder = tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name)).to_owned();
+    let none = at("none");
+    for command in [
+        &["merge", "--images", &none][..],
+        &["calibrate", "noise", "--flats", &none, "--darks", &none],
+        &["calibrate", "response", "--images", &none],
+    ] {
+        let run = diaphane(command);
+        refused_with_hint(&run, &["none", "no such folder"], "names the folder");
+        assert!(!run.stderr.contains("mkdir"), "{}", run.stderr);
+    }
+    refused_with_hint(&diaphane(["merge"]), &["SESSION", "--images"], "diaphane merge my-wax");
+    let run = diaphane(["calibrate", "noise"]);
+    refused_with_hint(&run, &["SESSION", "--flats"], "diaphane calibrate noise my-wax");
+    refused_with_hint(
+        &diaphane(["init", &at("a"), "--light", &none]),
+        &["--light", "none"],
+        "name a",
+    );
+    assert!(!folder.path().join("a").exists());
+    let (_other, session) = fresh();
+    let past = diaphane(["plan", &session, "--past", &none]);
+    refused_with_hint(&past, &["--past", "none"], "name sessions");
+
+    // The session before the picture; and devices that a rig file does not have as `init` says it.
+    let taken = at("taken.png");
+    flat_png(Path::new(&taken), 1);
+    let run = diaphane(["preview", &none, "--once", "--picture", &taken]);
+    refused_with_hint(&run, &["none", "session"], "diaphane init");
+    let bare = at("rig.toml");
+    std::fs::write(&bare, "version = 1\n[projector.display]\ndriver = \"simulated\"\n").unwrap();
+    let run = diaphane(["preview", &bare, "--once", "--picture", &at("b.png")]);
+    refused_with_hint(&run, &["rig.toml", "[camera]"], "docs/devices.md");
+    let run = diaphane(["preview", &session, "--once", "--picture", &at("b.jpg")]);
+    refused_with_hint(&run, &["b.jpg", "PNG"], "b.png");
+    assert!(!folder.path().join("b.jpg").exists());
+
+    // Numbers may be negative, and what is wrong with them is told.
+    refused(&diaphane(["preview", &session, "--exposure", "-1"]), &["positive", "-1"]);
+    refused(&diaphane(["preview", &session, "--every", "-2"]), &["seconds", "-2"]);
+    let manifest = at("m.toml");
+    std::fs::write(&manifest, "[sample").unwrap();
+    let import = ["import", &at("s"), "--images", text(folder.path()), "--manifest", &manifest];
+    refused_with_hint(&diaphane(import), &["m.toml"], "import --help");
+
+    let (plan, told) = {
+        let run = diaphane(["plan", &session]);
+        (run.json, run.stderr)
+    };
+    assert_eq!(plan["parts"][1]["placements"], 1);
+    assert!(told.contains(", 1 placement,"), "{told}");
+}
+
 /// The simulated sample's photons: `init --transport` writes them down, and what nobody can follow
 /// is refused by every command that opens the session.
 #[test]

@@ -183,6 +183,12 @@ pub fn read_journal(path: &Path) -> Result<Recorded, JournalError> {
     }
 }
 
+/// Whether a run has the journal open now; false also where the system does not tell.
+pub fn journal_in_use(path: &Path) -> bool {
+    let Ok(file) = File::open(path) else { return false };
+    matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
+}
+
 fn parse(bytes: &[u8], path: &Path) -> Result<Recorded, JournalError> {
     let mut recorded = Recorded::default();
     let mut rest = bytes;
@@ -370,7 +376,10 @@ mod tests {
         let path = folder.path().join("journal.jsonl");
         let first = Journal::open(&path).unwrap();
         assert!(matches!(Journal::open(&path), Err(JournalError::InUse { .. })));
+        assert!(journal_in_use(&path));
         drop(first);
+        assert!(!journal_in_use(&path));
+        assert!(!journal_in_use(&path.with_file_name("none")));
         Journal::open(&path).unwrap();
     }
 }

@@ -38,7 +38,9 @@ pub use frame::{
     Frame, FrameError, FrameMetadata, FrameStats, PatchStats, read_frame, write_frame,
 };
 pub use held::HeldBoard;
-pub use journal::{Entry, Event, Journal, JournalError, Recorded, StopStatus, read_journal};
+pub use journal::{
+    Entry, Event, Journal, JournalError, Recorded, StopStatus, journal_in_use, read_journal,
+};
 pub use multiplex::{DemultiplexError, Demultiplexed, SMatrix};
 pub use pattern::{Axis, Chessboard, Pattern, PatternError, Rect};
 pub use plan::{Plan, PlanError, PlanSummary, PlanWarning, Purpose, Shot};
@@ -49,8 +51,8 @@ pub use rig_file::{
     StageConfig, Unit, ZaberAxisConfig,
 };
 pub use runner::{
-    Outcome, Progress, ReferencePatch, RunError, RunOptions, Step, Warning, carry_over, frame_path,
-    free_bytes, run, set_aside,
+    Inventory, Outcome, Progress, ReferencePatch, RunError, RunOptions, Step, Warning, carry_over,
+    frame_path, free_bytes, run, set_aside,
 };
 pub use survey::PixelRect;
 pub use timing::{PER_FRAME_S, Timing};

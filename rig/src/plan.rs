@@ -183,6 +183,11 @@ impl Plan {
         Ok(())
     }
 
+    /// BLAKE3 of the plan as JSON, by which [`crate::Event::Started`] names it.
+    pub fn blake3(&self) -> String {
+        blake3::hash(&serde_json::to_vec(self).unwrap_or_default()).to_hex().to_string()
+    }
+
     /// What is worth a second thought before starting, with the turn of the projector's colour
     /// wheel where it is known, seconds.
     pub fn warnings(&self, turn_s: Option<f64>) -> Vec<PlanWarning> {

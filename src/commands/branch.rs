@@ -3,8 +3,9 @@
 use crate::Failure;
 use crate::adaptive;
 use crate::devices::RIG_FILE;
-use crate::output::Done;
+use crate::output::{Done, counted};
 use crate::session::Session;
+use crate::steps::next_line;
 use material::{Overwrite, atomic_copy};
 use rig::carry_over;
 use serde_json::json;
@@ -25,7 +26,15 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
-    let branch = Session::create(&args.branch, session.config.clone(), Overwrite::Refuse)?;
+    let branch = &args.branch;
+    if branch.exists() && std::fs::read_dir(branch).map_or(true, |mut files| files.next().is_some())
+    {
+        let error =
+            format!("{}: is there already, and a branch replaces nothing", branch.display());
+        let hint = format!("name a folder that is not there: {}", session.branch_command());
+        return Err(Failure::input(error).hint(hint));
+    }
+    let branch = Session::create(branch, session.config.clone(), Overwrite::Refuse)?;
     let rig_file = session.path(RIG_FILE);
     if rig_file.is_file() {
         atomic_copy(&rig_file, &branch.path(RIG_FILE), Overwrite::Refuse)?;
@@ -56,13 +65,15 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         adaptive::sample_plan(&branch)?,
     ] {
         plan.check()?;
-        carried += carry_over(&plan, old, new)?;
+        carried += carry_over(&plan, old, new).map_err(|e| branch.run_failure(e))?;
     }
+    let fit = if carried == 1 { "fits" } else { "fit" };
     let text = format!(
-        "{}: {carried} frames of {} still fit\nnext: diaphane capture {}",
+        "{}: {} of {} still {fit}\n{}",
         new.display(),
+        counted(carried, "frame"),
         old.display(),
-        new.display()
+        next_line(&branch)?
     );
     Ok(Done::new(json!({ "session": new, "carried": carried }), text))
 }

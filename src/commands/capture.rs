@@ -5,8 +5,9 @@ use crate::adaptive;
 use crate::cli::STOP;
 use crate::commands::calibrate;
 use crate::devices;
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, counted};
 use crate::session::Session;
+use crate::steps::next_line;
 use rig::{Outcome, Plan, Rig, RunOptions, Step, Target};
 use serde_json::json;
 use std::path::PathBuf;
@@ -14,7 +15,9 @@ use std::path::PathBuf;
 /// Take the pictures that are missing: first those for the calibration, then, once that is
 /// solved, those of the sample
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  diaphane calibrate all my-wax && diaphane capture my-wax")]
+#[command(
+    after_help = "Example:\n  diaphane calibrate all my-wax && diaphane capture my-wax\n\nWith --json:\n  taken  pictures that were taken now\n  kept   pictures of the same plans that were there already, from runs before\n  next   the step that follows"
+)]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
@@ -33,27 +36,27 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         return extra(&session, &mut rig, args.light);
     }
     let calibration = calibration_pictures(&session, &mut rig)?;
-    let folder = session.folder().display().to_string();
     if !calibrate::is_done(&session) {
         let text = format!(
-            "calibration pictures: {} taken, {} were there\nnext: diaphane calibrate all {folder}, then capture again",
-            calibration.taken, calibration.kept
+            "calibration pictures: {}\nnext: {}, then capture again",
+            told(&calibration),
+            session.command("calibrate all SESSION")
         );
-        let json =
-            json!({ "taken": calibration.taken, "kept": calibration.kept, "next": "calibrate" });
-        return Ok(Done::new(json, text));
+        return Ok(Done::new(as_json(&[calibration], "calibrate"), text));
     }
     let sample = sample_pictures(&session, &mut rig)?;
-    let text = format!(
-        "sample pictures: {} taken, {} were there\nnext: diaphane merge {folder}",
-        sample.taken, sample.kept
-    );
-    let json = json!({
-        "taken": calibration.taken + sample.taken,
-        "kept": calibration.kept + sample.kept,
-        "next": "merge",
-    });
-    Ok(Done::new(json, text))
+    let text = format!("sample pictures: {}\n{}", told(&sample), next_line(&session)?);
+    Ok(Done::new(as_json(&[calibration, sample], "merge"), text))
+}
+
+fn told(outcome: &Outcome) -> String {
+    let were = if outcome.kept == 1 { "was" } else { "were" };
+    format!("{} taken, {} {were} there already", outcome.taken, outcome.kept)
+}
+
+fn as_json(outcomes: &[Outcome], next: &str) -> serde_json::Value {
+    let sum = |pick: fn(&Outcome) -> usize| outcomes.iter().map(pick).sum::<usize>();
+    json!({ "taken": sum(|o| o.taken), "kept": sum(|o| o.kept), "next": next })
 }
 
 /// Pictures of the projector's light, or of the camera's noise.
@@ -65,13 +68,10 @@ fn extra(session: &Session, rig: &mut Rig, light: bool) -> Result<Done, Failure>
         ("noise", acquisition.noise_plan())
     };
     let outcome = shoot(session, rig, label, &plan, false)?;
-    let folder = session.folder().display();
-    let mut text =
-        format!("{label} pictures: {} taken, {} were there", outcome.taken, outcome.kept);
-    if light {
-        text += &format!("\nnext: diaphane calibrate light {folder}");
-    }
-    Ok(Done::new(json!({ "taken": outcome.taken, "kept": outcome.kept }), text))
+    let next = format!("calibrate {label}");
+    let command = session.command(&format!("{next} SESSION"));
+    let text = format!("{label} pictures: {}\nnext: {command}", told(&outcome));
+    Ok(Done::new(as_json(&[outcome], &next), text))
 }
 
 /// Boards, chart and white sheet.
@@ -108,17 +108,16 @@ fn shoot(
     let outcome = rig::run(plan, rig, session.folder(), options, &mut |p| {
         asked = asked_for(asked, &p.step);
         tell(&mut progress, &p);
-    })?;
+    })
+    .map_err(|e| session.run_failure(e))?;
     if outcome.missing > 0 {
-        let flag = match label {
-            "light" => " --light",
-            "noise" => " --noise",
-            _ => "",
+        let words = match label {
+            "light" | "noise" => format!("capture SESSION --{label}"),
+            _ => "capture SESSION".to_owned(),
         };
-        let command = format!("diaphane capture {}{flag}", session.folder().display());
-        return Err(interrupted(asked, &outcome, &command));
+        return Err(interrupted(asked, &outcome, &session.command(&words)));
     }
-    progress.finish(&format!("{} frames taken, {} were there", outcome.taken, outcome.kept));
+    progress.finish(&told(&outcome));
     Ok(outcome)
 }
 
@@ -135,8 +134,12 @@ pub(crate) fn asked_for(before: Option<Target>, step: &Step) -> Option<Target> {
 pub(crate) fn interrupted(asked: Option<Target>, outcome: &Outcome, command: &str) -> Failure {
     let asked = asked.map_or(String::new(), |target| format!(" while waiting for {target}"));
     let kept = outcome.kept + outcome.taken;
-    let error =
-        format!("interrupted{asked}; {kept} frames are kept, {} are missing", outcome.missing);
+    let are = if outcome.missing == 1 { "is" } else { "are" };
+    let error = format!(
+        "interrupted{asked}; {} kept, {} {are} missing",
+        if kept == 1 { "1 frame is".into() } else { format!("{kept} frames are") },
+        outcome.missing
+    );
     Failure::other(error).hint(format!("go on with: {command}"))
 }
 

@@ -5,6 +5,7 @@ use crate::commands::init::{SimulatedArgs, simulated_config};
 use crate::commands::{calibrate, capture, export, merge, report, solve, verify};
 use crate::output::Done;
 use crate::session::Session;
+use crate::steps::steps;
 use material::Overwrite;
 use material::mitsuba::Impossible;
 use serde_json::json;
@@ -35,25 +36,28 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     } else {
         Session::create(&args.out, config, Overwrite::Refuse)?
     };
-    let missing = |file: &str| !session.path(file).exists();
     let Some(simulated) = session.simulated()? else {
         return Err(Failure::other("the demo needs the simulated rig"));
     };
     let mut rig = simulated.rig();
     capture::calibration_pictures(&session, &mut rig)?;
-    if !calibrate::is_done(&session) {
-        calibrate::solve(&session, Overwrite::Refuse)?;
+    // A demo is taken up again where it was; what others have replaced since is made anew.
+    let wanted = |result: &str| -> Result<bool, Failure> {
+        Ok(steps(&session)?.iter().any(|step| step.result == Some(result) && !step.done))
+    };
+    if wanted(calibrate::RESULT)? {
+        calibrate::solve(&session, Overwrite::Replace)?;
     }
     capture::sample_pictures(&session, &mut rig)?;
     drop((rig, simulated));
-    if missing(crate::measurement::ARRAYS) {
-        merge::measure(&session, Overwrite::Refuse)?;
+    if wanted(crate::measurement::ARRAYS)? {
+        merge::measure(&session, Overwrite::Replace)?;
     }
-    if missing(solve::MATERIAL) {
-        solve::solve(&session, &solve::Options::preset(), Overwrite::Refuse)?;
+    if wanted(solve::MATERIAL)? {
+        solve::solve(&session, &solve::Options::preset(), Overwrite::Replace)?;
     }
-    let checked = if missing(verify::RESULT) {
-        verify::verify(&session, Overwrite::Refuse)?
+    let checked = if wanted(verify::RESULT)? {
+        verify::verify(&session, Overwrite::Replace)?
     } else {
         session.read_json(verify::RESULT, "diaphane verify SESSION")?
     };

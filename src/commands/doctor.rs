@@ -2,17 +2,16 @@
 
 use crate::Failure;
 use crate::adaptive::{Brackets, Chosen, text};
-use crate::commands::calibrate;
+use crate::commands::export;
 use crate::commands::rig::how_to_get;
-use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
-use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::Done;
 use crate::session::{RigConfig, Session};
+use crate::steps::{State, Step, steps};
 use diffusion::Gpu;
-use material::{Material, hash_file};
+use material::hash_file;
 use rig::devices::camera::CameraDriver;
-use rig::{DeviceErrorKind, Event, free_bytes, read_journal};
+use rig::{DeviceErrorKind, free_bytes, read_journal};
 use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -28,7 +27,7 @@ pub(crate) struct Args {
 /// How a check went.
 #[derive(Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum State {
+enum Mark {
     Found,
     /// The work goes on without it, or slower.
     Note,
@@ -38,7 +37,7 @@ enum State {
 #[derive(Serialize)]
 struct Check {
     name: &'static str,
-    state: State,
+    state: Mark,
     found: String,
     /// What to do about it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,15 +46,15 @@ struct Check {
 
 impl Check {
     fn found(name: &'static str, found: impl Into<String>) -> Self {
-        Self { name, state: State::Found, found: found.into(), advice: None }
+        Self { name, state: Mark::Found, found: found.into(), advice: None }
     }
 
     fn note(name: &'static str, found: impl Into<String>, advice: &str) -> Self {
-        Self { state: State::Note, advice: Some(advice.into()), ..Self::found(name, found) }
+        Self { state: Mark::Note, advice: Some(advice.into()), ..Self::found(name, found) }
     }
 
     fn missing(name: &'static str, found: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { state: State::Missing, advice: Some(advice.into()), ..Self::found(name, found) }
+        Self { state: Mark::Missing, advice: Some(advice.into()), ..Self::found(name, found) }
     }
 }
 
@@ -84,16 +83,16 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let mut text = String::new();
     for check in &checks {
         let mark = match check.state {
-            State::Found => "found  ",
-            State::Note => "note   ",
-            State::Missing => "MISSING",
+            Mark::Found => "found  ",
+            Mark::Note => "note   ",
+            Mark::Missing => "MISSING",
         };
         text += &format!("{mark}  {:14} {}\n", check.name, check.found);
         if let Some(advice) = &check.advice {
             text += &format!("{:25}{advice}\n", "");
         }
     }
-    let bad: Vec<&Check> = checks.iter().filter(|c| c.state == State::Missing).collect();
+    let bad: Vec<&Check> = checks.iter().filter(|c| c.state == Mark::Missing).collect();
     if let Some(first) = bad.first() {
         eprint!("{text}");
         let names: Vec<&str> = bad.iter().map(|c| c.name).collect();
@@ -246,45 +245,56 @@ fn files(session: &Session) -> Vec<Check> {
             Err(e) => Check::missing("exposures", e.error, e.hint.unwrap_or_default()),
         });
     }
-    let mut check = |name, file: &str, command: &str, read: &dyn Fn() -> Result<(), Failure>| {
-        let command = command.replace("SESSION", &session.folder().display().to_string());
-        out.push(match session.path(file).is_file() {
-            false => Check::note(
-                name,
-                format!("{file}: not there yet"),
-                &format!("make it with: {command}"),
-            ),
-            true => match read() {
-                Ok(()) => Check::found(name, format!("{file} readable")),
-                Err(e) => {
-                    Check::missing(name, e.error, format!("make it again: {command} --force"))
-                }
-            },
-        });
-    };
-    let measure = match session.config.rig {
-        RigConfig::Imported => "diaphane import SESSION --images DIR --manifest m.toml",
-        RigConfig::Simulated { .. } | RigConfig::Devices { .. } => {
-            check("calibration", calibrate::RESULT, "diaphane calibrate all SESSION", &|| {
-                calibrate::load(session).map(drop)
-            });
-            "diaphane merge SESSION"
-        }
-    };
-    check("measurement", ARRAYS, measure, &|| Measured::load(session).map(drop));
-    check("material", MATERIAL, "diaphane solve SESSION", &|| {
-        Material::load(&session.path(MATERIAL))?;
-        session.read_json::<Convergence>(CONVERGENCE, "diaphane solve SESSION").map(drop)
-    });
-    check("verification", RESULT, "diaphane verify SESSION", &|| {
-        session.read_json::<Verification>(RESULT, "diaphane verify SESSION").map(drop)
-    });
+    match steps(session) {
+        Ok(steps) => out.extend(steps.iter().filter_map(|step| result(session, step))),
+        Err(e) => out.push(Check::missing("steps", e.error, e.hint.unwrap_or_default())),
+    }
     out
+}
+
+/// A step's result: what `status` says of it, and whether all of its content is as it was written.
+fn result(session: &Session, step: &Step) -> Option<Check> {
+    let command = &step.command;
+    let Some(file) = step.result else {
+        // Frames have a check of their own; that they are of another plan it does not see.
+        let advice = format!("go on with the new plan in a session of its own: {command}");
+        return (step.state == State::OutOfDate)
+            .then(|| Check::note(step.name, step.told(), &advice));
+    };
+    let again = format!("make it again: {command}");
+    Some(match step.state {
+        State::Missing => Check::note(
+            step.name,
+            format!("{file}: not there yet"),
+            &format!("make it with: {command}"),
+        ),
+        State::OutOfDate => Check::note(step.name, format!("{file}: {}", step.told()), &again),
+        State::Damaged => Check::missing(step.name, step.told(), again),
+        State::Done => match content(session, file) {
+            Ok(()) => {
+                let remark = step.remark.as_ref().map_or(String::new(), |r| format!("; {r}"));
+                Check::found(step.name, format!("{file} whole{remark}"))
+            }
+            Err(e) => Check::missing(step.name, e.error, format!("{again} --force")),
+        },
+    })
+}
+
+/// What is too much work for `status`.
+fn content(session: &Session, file: &str) -> Result<(), Failure> {
+    match file {
+        ARRAYS => Measured::load(session).map(drop),
+        export::NPZ => match export::Record::read(session)? {
+            Some(record) => record.check_content(session),
+            None => Ok(()),
+        },
+        _ => Ok(()),
+    }
 }
 
 /// Every frame of the journal against its hash.
 fn frames(session: &Session) -> Check {
-    let command = format!("diaphane capture {}", session.folder().display());
+    let command = session.command("capture SESSION");
     let journal = match read_journal(&session.path("journal.jsonl")) {
         Ok(journal) => journal,
         Err(e) => {
@@ -295,15 +305,7 @@ fn frames(session: &Session) -> Check {
             );
         }
     };
-    // A frame that was taken again has a later line.
-    let written: std::collections::BTreeMap<&str, &str> = journal
-        .entries
-        .iter()
-        .filter_map(|entry| match &entry.event {
-            Event::FrameWritten { file, blake3, .. } => Some((file.as_str(), blake3.as_str())),
-            _ => None,
-        })
-        .collect();
+    let written = journal.frame_hashes();
     let differs =
         |file: &str, hash: &str| hash_file(&session.path(file)).map_or(true, |h| h != hash);
     let bad: Vec<&str> = written.iter().filter(|(f, h)| differs(f, h)).map(|(f, _)| *f).collect();

@@ -4,12 +4,85 @@ use crate::Failure;
 use crate::commands::verify::load_material;
 use crate::output::Done;
 use crate::session::Session;
-use material::Overwrite;
+use crate::steps::{self, Ledger, made_from};
 use material::mitsuba::{self, Impossible};
+use material::{Input, Overwrite, hash_file};
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
 
+/// Written last but for the record: once it is there the export is done.
 pub(crate) const NPZ: &str = "material/export/material.npz";
+/// What was exported.
+const RECORD: &str = "material/export/export.json";
+
+/// What an export wrote, and from which material.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Record {
+    pub inputs: Vec<Input>,
+    files: Vec<Exported>,
+    /// Voxel values that were given no scattering.
+    clamped: usize,
+}
+
+/// One of its files, as seen from the session.
+#[derive(Debug, Serialize, Deserialize)]
+struct Exported {
+    name: String,
+    bytes: u64,
+    blake3: String,
+}
+
+impl Record {
+    /// Of a session; None where it was exported by a version that kept none.
+    pub fn read(session: &Session) -> Result<Option<Self>, Failure> {
+        let there = session.path(RECORD).is_file();
+        there.then(|| session.read_json(RECORD, "diaphane export SESSION")).transpose()
+    }
+
+    /// Fails where a file is not there or not as long as it was.
+    pub fn check_sizes(&self, session: &Session) -> Result<(), Failure> {
+        for file in &self.files {
+            let found = std::fs::metadata(session.path(&file.name)).map(|about| about.len());
+            let name = &file.name;
+            match found {
+                Ok(found) if found == file.bytes => {}
+                Ok(found) => {
+                    let error = format!("{name}: expected {} bytes, found {found}", file.bytes);
+                    return Err(Failure::input(error));
+                }
+                Err(error) => return Err(Failure::input(format!("{name}: {error}"))),
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails where the content of a file is not what was written.
+    pub fn check_content(&self, session: &Session) -> Result<(), Failure> {
+        for Exported { name, blake3, .. } in &self.files {
+            if hash_file(&session.path(name))? != *blake3 {
+                let error = format!("{name}: its content is not what was written, {RECORD} says");
+                return Err(Failure::input(error));
+            }
+        }
+        Ok(())
+    }
+
+    fn of(
+        session: &Session,
+        inputs: Vec<Input>,
+        files: &[PathBuf],
+        clamped: usize,
+    ) -> Result<Self, Failure> {
+        let exported = |path: &PathBuf| {
+            let name = path.strip_prefix(session.folder()).unwrap_or(path);
+            let bytes = std::fs::metadata(path).map_err(Failure::other)?.len();
+            Ok(Exported { name: name.display().to_string(), bytes, blake3: hash_file(path)? })
+        };
+        let files = files.iter().map(exported).collect::<Result<_, Failure>>()?;
+        Ok(Self { inputs, files, clamped })
+    }
+}
 
 /// Write the material for other programs: NumPy and Mitsuba 3
 #[derive(clap::Args)]
@@ -30,7 +103,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let impossible = if args.clamp { Impossible::Clamp } else { Impossible::Refuse };
     let files = export(&session, impossible, overwrite)?;
-    let lines: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+    let mut lines: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+    lines.push(steps::next_line(&session)?);
     Ok(Done::new(json!({ "files": files }), lines.join("\n")))
 }
 
@@ -40,6 +114,11 @@ pub(crate) fn export(
     impossible: Impossible,
     overwrite: Overwrite,
 ) -> Result<Vec<PathBuf>, Failure> {
+    session.refuse_existing(NPZ, overwrite)?;
+    // What an interrupted export left behind is no result.
+    let overwrite = if session.path(NPZ).exists() { overwrite } else { Overwrite::Replace };
+    steps::warn(session, "export")?;
+    let inputs = made_from::inputs(&made_from::export(&Ledger::of(session)?));
     let material = load_material(session)?;
     let npz = session.result(NPZ)?;
     let folder = session.path("material/export/mitsuba");
@@ -56,5 +135,7 @@ pub(crate) fn export(
     }
     let mut files = vec![npz];
     files.extend(exported.files);
+    let record = Record::of(session, inputs, &files, exported.clamped)?;
+    session.write_json(RECORD, &record, Overwrite::Replace)?;
     Ok(files)
 }

@@ -5,8 +5,9 @@ use crate::average::onto_cells;
 use crate::commands::calibrate::{self, subtract};
 use crate::manifest::{Light, Manifest, Source};
 use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, check_input_folder, counted};
 use crate::session::{Config, PlanConfig, RigConfig, Session};
+use crate::steps::next_line;
 use calibration::{
     FaceMap, FacePlane, HdrImage, NoiseModel, Photo, Response, exif_exposure_s, merge, read_exr,
     recover_response, rectify,
@@ -48,6 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         }
     }
     let manifest = Manifest::load(&args.manifest)?;
+    check_input_folder(&args.images, "--images")?;
     let sample = manifest.sample().map_err(|e| named(&args.manifest, e))?;
     let mut reader = Reader::new(&args.images, &manifest);
     // Everything is read before anything is written.
@@ -60,15 +62,17 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         Config { version: 1, sample, rig: RigConfig::Imported, plan: PlanConfig::default() };
     let session = Session::create(&args.session, config, overwrite)?;
     session.write_json(SOURCES, &inputs, overwrite)?;
-    measured.save(&session, overwrite)?;
+    // Its pictures lie elsewhere; their hashes are in a file of their own.
+    measured.save(&session, Vec::new(), overwrite)?;
     let folder = session.folder().display();
     let held = measured.select(true).len();
     let text = format!(
-        "{folder}: {} patterns, {held} of them held out, on {} × {} cells in {} channel(s)\nnext: diaphane solve {folder}",
-        measured.patterns.len(),
+        "{folder}: {}, {held} of them held out, on {} × {} cells in {}\n{}",
+        counted(measured.patterns.len(), "pattern"),
         measured.cells[0],
         measured.cells[1],
-        measured.channels.len()
+        counted(measured.channels.len(), "channel"),
+        next_line(&session)?
     );
     let json = json!({
         "session": session.folder(),
@@ -135,9 +139,9 @@ impl<'a> Reader<'a> {
             let (radiance, mut variance) = self.in_units(&map, image.variance_known);
             if let Some(first) = patterns.first().filter(|p| p.radiance.len() != radiance.len()) {
                 return Err(Failure::input(format!(
-                    "pattern {:?}: has {} channel(s), pattern {:?} has {}",
+                    "pattern {:?}: has {}, pattern {:?} has {}",
                     entry.name,
-                    radiance.len(),
+                    counted(radiance.len(), "channel"),
                     first.name,
                     first.radiance.len()
                 )));
@@ -146,7 +150,7 @@ impl<'a> Reader<'a> {
             let (name, held_out) = (entry.name.clone(), entry.held_out);
             patterns.push(MeasuredPattern { name, held_out, irradiance, radiance, variance });
         }
-        progress.finish(&format!("{} patterns", patterns.len()));
+        progress.finish(&counted(patterns.len(), "pattern"));
         let channels = match patterns.first().map_or(0, |p| p.radiance.len()) {
             3 => CHANNELS.map(str::to_owned).to_vec(),
             _ => vec!["Y".to_owned()],
@@ -234,7 +238,8 @@ impl<'a> Reader<'a> {
         }
         let [[w, h, c], [bw, bh, bc]] = [shape(image), shape(black)];
         Err(Failure::input(format!(
-            "pattern {name:?}: has {w} × {h} pixels in {c} channel(s), the black picture has {bw} × {bh} in {bc}"
+            "pattern {name:?}: has {w} × {h} pixels in {}, the black picture has {bw} × {bh} in {bc}",
+            counted(c, "channel")
         )))
     }
 

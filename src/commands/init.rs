@@ -165,8 +165,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let [nx, ny, nz] = session.config.sample.grid.cells();
     let [w, h, d] = session.config.sample.grid.size_mm();
     let text = format!(
-        "{folder}: {} of {w:.1} × {h:.1} × {d:.1} mm on {nx} × {ny} × {nz} cells\nnext: diaphane calibrate all {folder}",
-        session.config.sample.name
+        "{folder}: {} of {w:.1} × {h:.1} × {d:.1} mm on {nx} × {ny} × {nz} cells\nnext: {}",
+        session.config.sample.name,
+        session.command("calibrate all SESSION")
     );
     Ok(Done::new(json!({ "session": session.folder() }), text))
 }

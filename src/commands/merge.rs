@@ -5,9 +5,10 @@ use crate::adaptive;
 use crate::cli::STOP;
 use crate::commands::calibrate::{self, merge_shot, subtract};
 use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, counted};
 use crate::sensor::{Sensor, Source};
 use crate::session::{RigConfig, Session};
+use crate::steps::{self, Ledger, made_from};
 use calibration::{rectify, write_exr};
 use material::Overwrite;
 use rig::{BLACK_SHOT, Purpose, Shot};
@@ -22,7 +23,7 @@ use std::sync::atomic::Ordering;
 )]
 pub(crate) struct Args {
     /// Folder of the session
-    #[arg(required_unless_present = "images", conflicts_with = "images")]
+    #[arg(conflicts_with = "images")]
     session: Option<PathBuf>,
     /// A folder of photographs of one still scene: PNG, JPEG, TIFF, or camera raw files (DNG, CR2, CR3, NEF, ARW), which come out at half the width and height
     #[arg(long)]
@@ -66,12 +67,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             let session = Session::open(session)?;
             let (measured, source) = measure(&session, overwrite)?;
             let text = format!(
-                "{} patterns on {} × {} cells: {}\nnext: diaphane solve {}",
-                measured.patterns.len(),
+                "{} on {} × {} cells: {}\n{}",
+                counted(measured.patterns.len(), "pattern"),
                 measured.cells[0],
                 measured.cells[1],
                 session.path(ARRAYS).display(),
-                session.folder().display()
+                steps::next_line(&session)?
             );
             let json = json!({
                 "output": session.path(ARRAYS),
@@ -82,7 +83,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             Ok(Done::new(json, text))
         }
         (None, Some(images)) => super::merge_images::run(images, args, overwrite),
-        (None, None) => Err(Failure::input("neither a session nor --images was given")),
+        (None, None) => Err(Failure::input("expected a SESSION or --images DIR, found neither")
+            .hint("diaphane merge my-wax, or: diaphane merge --images photos")),
     }
 }
 
@@ -100,6 +102,11 @@ pub(crate) fn measure(
     }
     let found = calibrate::load(session)?;
     let plan = adaptive::sample_plan(session)?;
+    let ledger = Ledger::of(session)?;
+    steps::check_frames(&ledger, &plan, "capture SESSION")?;
+    steps::warn(session, "measurement")?;
+    // As it is before the work: a file that is replaced meanwhile shows.
+    let inputs = made_from::inputs(&made_from::measurement(&ledger)?);
     let grid = &session.config.sample.grid;
     let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
     if found.irradiance.len() != nx * ny {
@@ -107,10 +114,8 @@ pub(crate) fn measure(
             "calibration/calibration.json: holds {} cells of the lit face, session.toml has a grid of {nx} × {ny}",
             found.irradiance.len()
         );
-        let hint = format!(
-            "calibrate again: diaphane calibrate all {} --force",
-            session.folder().display()
-        );
+        let command = session.command("calibrate all SESSION --force");
+        let hint = format!("calibrate again: {command}");
         return Err(Failure::input(error).hint(hint));
     }
     let times = session.sample_bracket_s();
@@ -157,7 +162,7 @@ pub(crate) fn measure(
     }
     let channels = CHANNELS.map(str::to_owned).to_vec();
     let measured = Measured { patterns, cells: [nx, ny], channels };
-    measured.save(session, overwrite)?;
-    progress.finish(&format!("{} patterns", measured.patterns.len()));
+    measured.save(session, inputs, overwrite)?;
+    progress.finish(&counted(measured.patterns.len(), "pattern"));
     Ok((measured, source))
 }

@@ -5,7 +5,7 @@ use crate::Failure;
 use crate::exposures::{
     Exposure, exposures, master_darks, read_noise, refuse_one_time, response_bracket,
 };
-use crate::output::{Done, Progress, check_output};
+use crate::output::{Done, Progress, check_output, output_beside};
 use crate::reading::Reading;
 use calibration::{
     Bayer, Brightness, CalibrationError, ExposureTable, ExrPrecision, FlatField, HdrImage,
@@ -17,7 +17,7 @@ use serde_json::json;
 use std::path::Path;
 
 pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Done, Failure> {
-    let output = args.output.clone().unwrap_or_else(|| images.join("merged.exr"));
+    let output = output_beside(args.output.as_deref(), images, "merged.exr", "--images")?;
     check_output(&output, overwrite)?;
     let mut warnings = Vec::new();
     let table = args.exposures.as_ref().map(ExposureTable::load).transpose()?;

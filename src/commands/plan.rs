@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::adaptive;
 use crate::devices::RIG_FILE;
-use crate::output::Done;
+use crate::output::{Done, counted};
 use crate::session::{RigConfig, Session};
 use rig::{CameraInfo, Plan, RigFile, Timing, free_bytes, read_journal};
 use serde_json::json;
@@ -38,6 +38,12 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         RigConfig::Devices { camera, .. } => camera.clone(),
         RigConfig::Imported => return Err(session.nothing_to_capture()),
     };
+    for past in &args.past {
+        Session::refuse_none(past).map_err(|e| {
+            let error = format!("--past: {}", e.error);
+            Failure { error, ..e }.hint("name sessions that were captured on the same rig")
+        })?;
+    }
     let timing = learned(&session, &args.past)?;
     let turn_s = session.wheel.as_ref().map(|known| known.wheel.turn_s);
     let mut text = String::new();
@@ -129,15 +135,15 @@ fn describe(
 ) -> String {
     let s = plan.summary(camera, timing);
     let mut out = format!(
-        "{name}: {} frames of {} shots, {} placements, {:.0} ± {:.0} min ({}) and {:.1} GB on {}\n",
-        s.frames,
-        s.shots,
-        s.placements,
+        "{name}: {} of {}, {}, {:.0} ± {:.0} min ({}) and {:.1} GB on {}\n",
+        counted(s.frames, "frame"),
+        counted(s.shots, "shot"),
+        counted(s.placements, "placement"),
         (s.estimated_s / 60.0).ceil(),
         (s.spread_s / 60.0).ceil(),
         match timing.frames {
             0 => "a guess".to_owned(),
-            n => format!("learned from {n} frames"),
+            n => format!("learned from {}", counted(n, "frame")),
         },
         s.bytes as f64 / 1e9,
         camera.name

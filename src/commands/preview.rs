@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::cli::STOP;
 use crate::commands::calibrate;
 use crate::devices;
-use crate::output::Done;
+use crate::output::{Done, check_output, check_png_name};
 use crate::session::Session;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use material::{Overwrite, atomic_write};
@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// Exposure, seconds
     #[arg(long, default_value_t = 0.1)]
     exposure: f64,
-    /// Where the picture goes
+    /// Where the picture goes, a PNG
     #[arg(long, default_value = "preview.png")]
     picture: PathBuf,
     /// Seconds between two pictures
@@ -68,8 +68,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         return Err(Failure::input(format!("--every: seconds, found {}", args.every)));
     };
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    crate::output::check_output(&args.picture, overwrite)?;
-    let (mut rig, session) = open(&args.rig)?;
+    let named = Named::look(&args.rig)?;
+    check_png_name(&args.picture, "--picture")?;
+    check_output(&args.picture, overwrite)?;
+    let (mut rig, session) = named.open()?;
     rig.bench.place(&Target::Sample)?;
     let info = rig.projector.info();
     let lines = match (args.white, &session) {
@@ -120,14 +122,40 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
 }
 
-/// The devices of a session, with it, or of a rig file.
-fn open(path: &Path) -> Result<(Rig, Option<Session>), Failure> {
-    if path.is_dir() {
-        let session = Session::open(path)?;
-        return Ok((devices::open(&session)?, Some(session)));
+/// What the command line names: it is read before anything is written or switched on.
+enum Named {
+    Session(Session),
+    File(RigFile, String),
+}
+
+impl Named {
+    fn look(path: &Path) -> Result<Self, Failure> {
+        let name = path.display().to_string();
+        if !path.exists() {
+            let error = format!("{name}: there is no such session and no such rig file");
+            return Err(Failure::input(error).hint(format!(
+                "make a session with: diaphane init {name}; docs/devices.md has examples of rig files"
+            )));
+        }
+        if path.is_dir() {
+            return Ok(Self::Session(Session::open(path)?));
+        }
+        let file = RigFile::read(path)?;
+        // As `init` does: without these there is nothing to see, whatever is connected.
+        if file.camera.is_none() || file.projector.display.is_none() {
+            let error = format!("{name}: a preview needs a [camera] and a [projector.display]");
+            return Err(Failure::input(error).hint("docs/devices.md has examples"));
+        }
+        Ok(Self::File(file, name))
     }
-    let name = path.display().to_string();
-    Ok((devices::assemble(&RigFile::read(path)?, &name)?, None))
+
+    /// The devices, and the session if it is one.
+    fn open(self) -> Result<(Rig, Option<Session>), Failure> {
+        match self {
+            Self::Session(session) => Ok((devices::open(&session)?, Some(session))),
+            Self::File(file, name) => Ok((devices::assemble(&file, &name)?, None)),
+        }
+    }
 }
 
 /// The colour of the line between picture and panel.

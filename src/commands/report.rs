@@ -4,8 +4,8 @@ use crate::Failure;
 use crate::output::{Done, check_output};
 use crate::report::{Verdict, page};
 use crate::session::Session;
-use crate::steps::steps;
-use material::{Overwrite, atomic_write};
+use crate::steps::{Ledger, State, made_from, steps};
+use material::{Input, Overwrite, atomic_write};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -31,8 +31,13 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let (path, verdict) = report(&session, args.output.as_deref(), overwrite)?;
-    let missing: Vec<&str> =
-        steps(&session)?.iter().filter(|s| !s.done && s.name != "report").map(|s| s.name).collect();
+    let steps = steps(&session)?;
+    let in_state = |states: &[State]| -> Vec<&str> {
+        let those = steps.iter().filter(|s| s.name != "report" && states.contains(&s.state));
+        those.map(|s| s.name).collect()
+    };
+    let missing = in_state(&[State::Missing]);
+    let out_of_date = in_state(&[State::OutOfDate, State::Damaged]);
     let mut text = match &verdict {
         Some(v) => format!("{}: {}\n", v.grade.word(), v.reason()),
         None => "no verdict yet\n".to_owned(),
@@ -40,8 +45,20 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if !missing.is_empty() {
         text += &format!("missing: {}\n", missing.join(", "));
     }
+    if !out_of_date.is_empty() {
+        text += &format!("out of date: {}\n", out_of_date.join(", "));
+    }
     text += &path.display().to_string();
-    Ok(Done::new(json!({ "report": path, "verdict": verdict, "missing": missing }), text))
+    if let Some(next) = steps.iter().find(|s| !s.done && s.name != "report") {
+        text += &format!("\nnext: {}", next.command);
+    }
+    let json = json!({
+        "report": path,
+        "verdict": verdict,
+        "missing": missing,
+        "out_of_date": out_of_date,
+    });
+    Ok(Done::new(json, text))
 }
 
 /// Writes the page and tells where it is and what it says.
@@ -58,7 +75,40 @@ pub(crate) fn report(
         }
     };
     check_output(&path, overwrite)?;
+    let inputs = made_from::inputs(&made_from::report(&Ledger::of(session)?)?);
     let (page, verdict) = page(session)?;
+    let page = with_inputs(&page, &inputs)?;
     atomic_write(&path, overwrite, |file| file.write_all(page.as_bytes()))?;
     Ok((path, verdict))
+}
+
+/// What stands around the inputs in the page.
+const BEFORE: &str = "<script type=\"application/json\" id=\"inputs\">";
+const AFTER: &str = "</script>";
+/// How every page ends.
+const END: &str = "</html>";
+
+/// The page with what it was made from, where programs find it and nobody sees it.
+fn with_inputs(page: &str, inputs: &[Input]) -> Result<String, Failure> {
+    // A name could hold anything, the end of this element too.
+    let text = serde_json::to_string(inputs).map_err(Failure::other)?.replace('<', "\\u003c");
+    Ok(page.replacen("</body>", &format!("{BEFORE}{text}{AFTER}</body>"), 1))
+}
+
+/// What the session's page was made from; nothing if it does not say, as those of earlier versions.
+///
+/// # Errors
+/// It is not whole.
+pub(crate) fn made_from(session: &Session) -> Result<Vec<Input>, Failure> {
+    let path = session.path(RESULT);
+    let bytes = std::fs::read(&path)
+        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+    let page = String::from_utf8_lossy(&bytes);
+    if !page.trim_end().ends_with(END) {
+        return Err(Failure::input(format!("{}: it has no end", path.display())));
+    }
+    let Some((_, rest)) = page.rsplit_once(BEFORE) else { return Ok(Vec::new()) };
+    let text = rest.split_once(AFTER).map_or("", |(text, _)| text);
+    serde_json::from_str(text)
+        .map_err(|e| Failure::input(format!("{}: what it says of its inputs: {e}", path.display())))
 }

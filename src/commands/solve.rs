@@ -7,6 +7,7 @@ use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
 use crate::regime;
 use crate::session::Session;
+use crate::steps::next_line;
 use clap::ValueEnum;
 use diffusion::{
     CpuSolver, DeviceChoice, Illuminations, Inverse, InverseError, InverseSettings, Lambda,
@@ -93,6 +94,9 @@ pub(crate) struct ChannelConvergence {
     pub homogeneous_mu_per_mm: f64,
     /// Fit after each gradient evaluation.
     pub history: Vec<f64>,
+    /// `--max-evaluations` ended it before it had converged.
+    #[serde(default)]
+    pub cut_off: bool,
 }
 
 /// How a solve went.
@@ -106,6 +110,16 @@ pub(crate) struct Convergence {
     pub channels: Vec<ChannelConvergence>,
 }
 
+impl Convergence {
+    /// That channels did not converge, if so.
+    pub fn cut_off(&self) -> Option<String> {
+        let cut = self.channels.iter().filter(|c| c.cut_off);
+        let names: Vec<&str> = cut.map(|c| c.channel.as_str()).collect();
+        (!names.is_empty())
+            .then(|| format!("did not converge: --max-evaluations cut off {}", names.join(", ")))
+    }
+}
+
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
@@ -117,21 +131,25 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             c.channel, c.fit, c.lambda, c.gradient_evaluations, c.linear_solves
         );
     }
+    if let Some(cut_off) = result.cut_off() {
+        text += &format!("warning: {cut_off}; solve again with more\n");
+    }
     let doubts = regime::warnings(&Material::load(&session.path(MATERIAL))?);
     doubts.iter().for_each(|doubt| text += &format!("{doubt}\n"));
     let sum =
         |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
     text += &format!(
-        "fit {:.2e} in {:.1} s on {}: {}\nnext: diaphane verify {}",
+        "fit {:.2e} in {:.1} s on {}: {}\n{}",
         result.fit,
         result.seconds,
         result.device,
         session.path(MATERIAL).display(),
-        session.folder().display()
+        next_line(&session)?
     );
     let lambda: Vec<f64> = result.channels.iter().map(|c| c.lambda).collect();
     let json = json!({
         "fit": result.fit,
+        "converged": result.cut_off().is_none(),
         "gradient_evaluations": sum(|c| c.gradient_evaluations),
         "linear_solves": sum(|c| c.linear_solves),
         "seconds": result.seconds,
@@ -198,7 +216,7 @@ pub(crate) fn solve(
         progress.finish(&format!("fit {:.2e}, λ {:.1e}", found.fit, found.lambda));
         misfit += found.fit * measurement.energy();
         energy += measurement.energy();
-        reports.push(convergence(name, &found));
+        reports.push(convergence(name, &found, settings.max_evaluations));
         let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect();
         channels.push(Channel {
             name: name.clone(),
@@ -241,7 +259,7 @@ fn settings(options: &Options) -> Result<InverseSettings, Failure> {
     })
 }
 
-fn convergence(name: &str, found: &Inverse) -> ChannelConvergence {
+fn convergence(name: &str, found: &Inverse, most: usize) -> ChannelConvergence {
     ChannelConvergence {
         channel: name.to_owned(),
         fit: found.fit,
@@ -253,6 +271,7 @@ fn convergence(name: &str, found: &Inverse) -> ChannelConvergence {
         homogeneous_kappa_mm: found.homogeneous.0,
         homogeneous_mu_per_mm: found.homogeneous.1,
         history: found.history.clone(),
+        cut_off: found.work.gradient_evaluations >= most,
     }
 }
 

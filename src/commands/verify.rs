@@ -7,8 +7,9 @@ use crate::commands::solve::MATERIAL;
 use crate::measurement::Measured;
 use crate::output::{Done, Progress};
 use crate::session::Session;
+use crate::steps::{self, Ledger, made_from};
 use diffusion::{CpuSolver, Medium, bssrdf_error};
-use material::{Material, Overwrite};
+use material::{Input, Material, Overwrite};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
@@ -41,6 +42,9 @@ pub(crate) struct Verification {
     pub bssrdf_error: Option<f64>,
     pub bssrdf_error_by_channel: Vec<f64>,
     pub patterns: Vec<PatternError>,
+    /// What was compared; empty in files from before it was noted.
+    #[serde(default)]
+    pub inputs: Vec<Input>,
 }
 
 /// Error of one relit image.
@@ -68,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(e) = result.bssrdf_error {
         text += &format!(", BSSRDF error E {e:.2e}");
     }
-    text += &format!("\nnext: diaphane report {}", session.folder().display());
+    text += &format!("\n{}", steps::next_line(&session)?);
     Ok(Done::new(json!(result), text))
 }
 
@@ -80,6 +84,8 @@ pub(crate) fn load_material(session: &Session) -> Result<Material, Failure> {
 /// Relights and compares, and writes the result.
 pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verification, Failure> {
     session.refuse_existing(RESULT, overwrite)?;
+    steps::warn(session, "verification")?;
+    let inputs = made_from::inputs(&made_from::verification(&Ledger::of(session)?));
     let measured = Measured::load(session)?;
     let material = load_material(session)?;
     let maps: Vec<Vec<f64>> = measured.patterns.iter().map(|p| p.irradiance.clone()).collect();
@@ -89,7 +95,7 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
             material.channels().len(),
             measured.channels.len()
         );
-        let hint = format!("solve again: diaphane solve {} --force", session.folder().display());
+        let hint = format!("solve again: {}", session.command("solve SESSION --force"));
         return Err(Failure::input(error).hint(hint));
     }
     let relit = renderer::relight(&material, &maps)?;
@@ -128,6 +134,7 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
             .then(|| by_channel.iter().sum::<f64>() / by_channel.len() as f64),
         bssrdf_error_by_channel: by_channel,
         patterns,
+        inputs,
     };
     session.write_json(RESULT, &result, overwrite)?;
     Ok(result)

@@ -22,7 +22,7 @@ use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
 use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::session::Session;
-use crate::steps::{Step, steps};
+use crate::steps::{State, Step, steps};
 use chart::{Line, logarithmic};
 use html::{capital, escape, facts, section};
 use material::{Face, Material};
@@ -56,10 +56,15 @@ impl Found {
 
 /// The page, and the verdict on it where there is one.
 pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failure> {
-    let found = Found::look(session)?;
     let steps = steps(session)?;
+    let mut found = Found::look(session)?;
+    if steps.iter().any(|s| s.result == Some(RESULT) && s.state == State::OutOfDate) {
+        // Figures of something else than the rest of the page shows.
+        found.verification = None;
+    }
     let verdict = found.verification.as_ref().map(Verdict::of);
     let mut body = head(session, &found);
+    body += &out_of_date(&steps);
     body += &match &verdict {
         Some(verdict) => judged(verdict),
         None => unjudged(&steps),
@@ -145,10 +150,38 @@ fn doubted(warnings: &[String]) -> String {
     )
 }
 
+/// What on this page does not go together with the rest of it.
+fn out_of_date(steps: &[Step]) -> String {
+    let stale = steps.iter().filter(|s| s.name != "report" && s.state == State::OutOfDate);
+    let row = |s: &Step| {
+        let left_out = if s.result == Some(RESULT) { " It is left out here." } else { "" };
+        format!(
+            "<tr><th>{}</th><td>{}.{left_out} <code>{}</code></td></tr>",
+            escape(s.name),
+            escape(s.told()),
+            escape(&s.command)
+        )
+    };
+    let rows: String = stale.map(row).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<div class=\"verdict unfinished\"><strong>out of date</strong><p>Parts of this session were made from \
+         something else than is there now, and say nothing about the rest. What they are, and the command that makes \
+         them anew:</p><table class=\"facts\">{rows}</table></div>\n"
+    )
+}
+
 fn unjudged(steps: &[Step]) -> String {
     let row = |s: &Step| {
-        let told =
-            if s.done { "done".to_owned() } else { format!("<code>{}</code>", escape(&s.command)) };
+        let told = match s.state {
+            State::Done => escape(s.told()),
+            State::Missing => format!("<code>{}</code>", escape(&s.command)),
+            State::OutOfDate | State::Damaged => {
+                format!("{} <code>{}</code>", escape(s.told()), escape(&s.command))
+            }
+        };
         let frames = s.frames.as_ref().map_or(String::new(), |f| {
             format!(" <span class=\"soft\">{} of {} pictures</span>", f.taken, f.wanted)
         });
@@ -189,8 +222,14 @@ fn converged(convergence: &Convergence) -> String {
             )
         })
         .collect();
+    let cut_off = convergence.cut_off().map_or(String::new(), |cut_off| {
+        format!(
+            "<p><b>The solve {}.</b> κ and μ are not yet what the pictures say.</p>",
+            escape(cut_off)
+        )
+    });
     format!(
-        "<p>Fit, Σ(L − L′)² / ΣL², after each gradient evaluation. {:.0} s in all. χ²/N near 1 means that what is \
+        "{cut_off}<p>Fit, Σ(L − L′)² / ΣL², after each gradient evaluation. {:.0} s in all. χ²/N near 1 means that what is \
          left is noise; a gain near 1 means that the radiometry is right.</p>{chart}\
          <div class=\"wide\"><table><thead><tr><th>channel</th><th>fit</th><th>χ²/N</th><th>λ</th><th>gain</th>\
          <th>gradients</th><th>solves</th><th>start κ</th><th>start μ</th></tr></thead>{rows}</table></div>",

@@ -47,6 +47,8 @@ pub(crate) fn table(session: &Session, material: Option<&Material>) -> Result<St
     for input in &made.inputs {
         let now = match hash_file(&session.path(&input.name)) {
             Ok(hash) if hash == input.blake3 => "unchanged".into(),
+            // Only a part of it matters here; whether that is another one now is told at the top.
+            Ok(_) if input.name == "session.toml" => "changed since".to_owned(),
             Ok(_) => "<b>changed since: solve again</b>".to_owned(),
             Err(_) => "not there any more".into(),
         };

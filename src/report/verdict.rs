@@ -105,6 +105,7 @@ mod tests {
             bssrdf_error: e,
             bssrdf_error_by_channel: Vec::new(),
             patterns: Vec::new(),
+            inputs: Vec::new(),
         }
     }
 

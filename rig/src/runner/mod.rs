@@ -2,6 +2,7 @@
 
 mod carry;
 mod error;
+mod inventory;
 mod kept;
 mod options;
 mod progress;
@@ -18,6 +19,7 @@ use writer::{Taken, ToDisk, with_writer};
 
 pub use carry::carry_over;
 pub use error::RunError;
+pub use inventory::Inventory;
 pub use kept::{frame_path, set_aside};
 pub use options::{ReferencePatch, RunOptions, free_bytes};
 pub use progress::{Outcome, Progress, Step};
@@ -76,7 +78,7 @@ pub fn run(
     journal.append(Event::Started {
         version: env!("CARGO_PKG_VERSION").into(),
         frames: total,
-        plan: blake3::hash(&serde_json::to_vec(plan).unwrap_or_default()).to_hex().to_string(),
+        plan: plan.blake3(),
         camera: rig.camera.info().name,
         projector: rig.projector.info().name,
     })?;

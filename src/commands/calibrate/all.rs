@@ -12,12 +12,13 @@ use crate::output::{Done, Progress};
 use crate::report::calibration_page;
 use crate::sensor::Sensor;
 use crate::session::{RigConfig, Session};
+use crate::steps::{self, Ledger, made_from, next_line};
 use calibration::{
     Assessment, Board, CameraModel, FacePlane, Geometry, HdrImage, NoiseModel, ProjectorGeometry,
     Response, Verdict, WhiteBalance, find_chart, recover_response_above, rectify, white_balance,
     write_geometry,
 };
-use material::{Face, Overwrite, atomic_write};
+use material::{Face, Input, Overwrite, atomic_write};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::io::Write;
@@ -68,6 +69,9 @@ pub(crate) struct Calibrated {
     pub irradiance: Vec<f64>,
     /// How far chart and white sheet disagree on white, largest of the channels.
     pub white_disagreement: f64,
+    /// What it was made from; empty in files from before it was noted.
+    #[serde(default)]
+    pub inputs: Vec<Input>,
 }
 
 pub(crate) fn is_done(session: &Session) -> bool {
@@ -121,7 +125,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
          baseline {:.1} mm; white by chart and by sheet agree to {:.1} %\n\
          {}\n\
          page: {}\n\
-         next: diaphane capture {}",
+         {}",
         camera.rms_px,
         found.geometry.views.len(),
         projector.device.rms_px,
@@ -131,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         100.0 * found.white_disagreement,
         with_more_views(&session, &found.verdict),
         session.path(PAGE).display(),
-        session.folder().display()
+        next_line(&session)?
     );
     let model = |m: &CameraModel| json!({ "fx": m.fx, "fy": m.fy, "cx": m.cx, "cy": m.cy });
     let json = json!({
@@ -156,10 +160,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 fn with_more_views(session: &Session, verdict: &Verdict) -> String {
     let mut out = verdict_text(verdict);
     if !verdict.advice.is_empty() {
-        let (folder, poses) = (session.folder().display(), session.config.plan.board_poses);
+        let poses = session.config.plan.board_poses;
         out += &format!(
-            "\n  for more views set board_poses (now {poses}) in session.toml and give: diaphane \
-             calibrate all {folder} --force"
+            "\n  for more views set board_poses (now {poses}) in session.toml and give: {}",
+            session.command("calibrate all SESSION --force")
         );
     }
     out
@@ -183,6 +187,10 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
     session.refuse_existing(RESULT, overwrite)?;
     let (board, noise) = described(session)?;
     let plan = &session.config.plan;
+    let ledger = Ledger::of(session)?;
+    let pictures = session.acquisition().calibration_plan();
+    steps::check_frames(&ledger, &pictures, "calibrate all SESSION")?;
+    let inputs = made_from::inputs(&made_from::calibration(&ledger)?);
     let mut progress = Progress::new("calibrate", 5);
 
     progress.set(0, "camera and projector");
@@ -246,6 +254,7 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
         white: seen,
         irradiance,
         white_disagreement,
+        inputs,
     };
     go_on()?;
     session.write_json(RESULT, &found, overwrite)?;

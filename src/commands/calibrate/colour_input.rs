@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::output::Progress;
+use crate::output::counted;
 use calibration::{
     Bayer, CalibrationError, ExposureTable, HdrImage, KNOTS, MasterDark, NoiseModel, Photo,
     Response, exif_exposure_s, list_pictures, merge_mosaic, quads, read_exr, srgb_to_linear,
@@ -91,7 +92,12 @@ fn same_shape(image: &HdrImage, other: &HdrImage, path: &Path) -> Result<(), Fai
     Err(CalibrationError::Mismatch {
         picture: path.display().to_string(),
         expected: format!("{}x{} pixels as the first", image.width, image.height),
-        found: format!("{}x{} pixels, {} channel(s)", other.width, other.height, other.channels),
+        found: format!(
+            "{}x{} pixels, {}",
+            other.width,
+            other.height,
+            counted(other.channels, "channel")
+        ),
     }
     .into())
 }

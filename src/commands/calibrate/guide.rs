@@ -7,6 +7,7 @@ use super::frames::frame_photo;
 use crate::Failure;
 use crate::cli::STOP;
 use crate::commands::capture::{asked_for, interrupted, remark};
+use crate::output::counted;
 use crate::session::Session;
 use crate::technician::answer;
 use calibration::{Board, Photo, detect_board};
@@ -70,7 +71,8 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
                 }
                 _ => {}
             }
-        })?;
+        })
+        .map_err(|e| session.run_failure(e))?;
         if let Some(failure) = broken {
             return Err(failure);
         }

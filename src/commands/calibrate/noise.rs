@@ -4,7 +4,7 @@ use super::all::described;
 use super::frames::frame_and_time;
 use crate::Failure;
 use crate::exposures::{by_time, exposures};
-use crate::output::{Done, check_output};
+use crate::output::{Done, check_input_folder, check_output, output_beside};
 use crate::sensor::{CURVED, NOISE};
 use crate::session::Session;
 use calibration::{
@@ -27,7 +27,7 @@ const CLIPPED_SHARE: f64 = 1e-3;
 pub(crate) struct Args {
     /// A session with the frames of `diaphane capture SESSION --noise`; its merges then use what
     /// is measured
-    #[arg(required_unless_present = "flats", conflicts_with_all = ["flats", "darks", "exposures", "output"])]
+    #[arg(conflicts_with_all = ["flats", "darks", "exposures", "output"])]
     session: Option<PathBuf>,
     /// Folder of flat frames; by name, each two in a row are one brightness
     #[arg(long, requires = "darks")]
@@ -59,11 +59,18 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             (of_session(&session, args.saturation)?, session.result(NOISE)?)
         }
         (None, Some(flats), Some(darks)) => {
-            let output = args.output.clone().unwrap_or_else(|| flats.join("noise.json"));
+            let output = output_beside(args.output.as_deref(), flats, "noise.json", "--flats")?;
             check_output(&output, overwrite)?;
+            check_input_folder(flats, "--flats")?;
+            check_input_folder(darks, "--darks")?;
             (of_folders(args, flats, darks, &mut warnings)?, output)
         }
-        _ => return Err(Failure::input("neither a session nor --flats and --darks were given")),
+        _ => {
+            let error = "expected a SESSION or --flats DIR and --darks DIR, found neither";
+            return Err(Failure::input(error).hint(
+                "diaphane calibrate noise my-wax, or: diaphane calibrate noise --flats flats --darks darks",
+            ));
+        }
     };
     let found = transfer.finish().map_err(|error| {
         Failure::input(error).hint(

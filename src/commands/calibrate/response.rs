@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::exposures::{exposures, refuse_one_time, response_bracket};
-use crate::output::{Done, check_output};
+use crate::output::{Done, check_output, output_beside};
 use calibration::{ExposureTable, Response, recover_response, recover_response_above};
 use material::{Overwrite, atomic_write};
 use serde_json::json;
@@ -37,7 +37,8 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let output = args.output.clone().unwrap_or_else(|| args.images.join("response.json"));
+    let asked = args.output.as_deref();
+    let output = output_beside(asked, &args.images, "response.json", "--images")?;
     let drawing = output.with_extension("svg");
     [&output, &drawing].into_iter().try_for_each(|path| check_output(path, overwrite))?;
     let mut warnings = Vec::new();

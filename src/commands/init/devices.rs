@@ -20,7 +20,7 @@ pub(crate) struct DeviceArgs {
     )]
     pub rig: Option<PathBuf>,
     /// Width, height and depth of the block as the camera sees it, mm
-    #[arg(long, value_name = "WxHxD", value_parser = three::<f64>, requires = "rig")]
+    #[arg(long, value_name = "WxHxD", allow_hyphen_values = true, value_parser = three::<f64>, requires = "rig")]
     size: Option<[f64; 3]>,
     /// Cells along each, which κ and μ are solved on
     #[arg(long, value_name = "NXxNYxNZ", value_parser = three::<usize>, requires = "rig")]
@@ -110,7 +110,7 @@ pub(super) fn config(
 /// The chessboard that the default plan shows, as large on a projector of another size.
 fn projected_board([width, height]: [u32; 2]) -> Chessboard {
     let Chessboard { columns, rows, square_px, .. } = PlanConfig::default().projector_board;
-    let square_px = (square_px * height / 768).max(1);
+    let square_px = (square_px * height / 768).min(square_px * width / 1024).max(1);
     let middle = |size: u32, squares: usize| size.saturating_sub(square_px * squares as u32) / 2;
     Chessboard {
         columns,

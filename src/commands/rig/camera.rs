@@ -2,7 +2,7 @@
 
 use super::rules::{usb_rule, video_rule};
 use crate::Failure;
-use crate::output::check_output;
+use crate::output::{check_output, check_png_name};
 use ::rig::devices::camera::{CameraDriver, FoundCamera, scan_cameras, usb_device};
 use ::rig::{CameraConfig, CameraInfo, DeviceError, DeviceErrorKind, Frame, SimulatedDevices};
 use image::{ImageFormat, RgbImage};
@@ -139,7 +139,10 @@ pub(super) fn picture_path(
     overwrite: Overwrite,
 ) -> Result<PathBuf, Failure> {
     let path = match asked {
-        Some(path) => path.to_owned(),
+        Some(path) => {
+            check_png_name(path, "--picture")?;
+            path.to_owned()
+        }
         None => {
             let stem = rig_file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let numbered = |n: u32| rig_file.with_file_name(format!("{stem}-test-{n}.png"));
