@@ -88,14 +88,14 @@ fn impossible_values_are_refused_by_their_key() {
     ];
     for (part, key, line, told) in table {
         std::fs::write(&file, with(&good, part, key, line)).unwrap();
-        let run = diaphane(["plan", &session]);
+        let run = diaphane(["status", &session]);
         let said = |key: &str| run.json[key].as_str().unwrap_or_default().to_owned();
         assert_eq!(run.code, 2, "{line}: {}", run.stderr);
         assert!(said("error").contains(told), "{line}: {}", run.stderr);
         assert!(said("error").contains("session.toml") && said("hint").contains("session.toml"));
     }
     std::fs::write(&file, good.replacen("version = 1", "version = 0", 1)).unwrap();
-    assert_eq!(diaphane(["plan", &session]).code, 2);
+    assert_eq!(diaphane(["status", &session]).code, 2);
     // What is no TOML, with a hint too.
     std::fs::write(&file, good.replacen("[sample]", "[sample", 1)).unwrap();
     let run = diaphane(["status", &session]);

@@ -131,7 +131,7 @@ fn results_of_another_material_or_measurement_are_out_of_date() {
     let kept = std::fs::read(Path::new(session).join("material/material.diaphane")).unwrap();
 
     // Another material.
-    let again = ["--max-evaluations", "100", "--device", "cpu", "--force"];
+    let again = ["--max-evaluations", "2000", "--lambda", "0.01", "--device", "cpu", "--force"];
     let solved = well(&[&["solve", session][..], &again].concat());
     assert_eq!(solved.json["converged"], true, "{}", solved.json);
     assert!(solved.stderr.contains(&format!("next: diaphane verify {session} --force")));
