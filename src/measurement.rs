@@ -124,6 +124,8 @@ impl Measured {
             }
             _ => "diaphane merge SESSION",
         };
+        let words = make.trim_start_matches("diaphane ");
+        let again = || format!("measure again: {} --force", session.command(words));
         let arrays = session.required(ARRAYS, make)?;
         let index: Index = session.read_json(INDEX, make)?;
         let [nx, ny] = index.cells;
@@ -135,14 +137,13 @@ impl Measured {
                 arrays.display(),
                 grid.cells()
             );
-            let make = make.trim_start_matches("diaphane ");
-            let hint = format!("measure again: {} --force", session.command(make));
-            return Err(Failure::input(error).hint(hint));
+            return Err(Failure::input(error).hint(again()));
         }
-        let mut npz = npz::NpzReader::open(&arrays)?;
-        let radiance = npz.shaped("radiance", &[m, c, ny, nx])?;
-        let variance = npz.shaped("variance", &[m, c, ny, nx])?;
-        let irradiance = npz.shaped("irradiance", &[m, ny, nx])?;
+        let bad = |e: material::FileError| Failure::from(e).hint(again());
+        let mut npz = npz::NpzReader::open(&arrays).map_err(bad)?;
+        let radiance = npz.shaped("radiance", &[m, c, ny, nx]).map_err(bad)?;
+        let variance = npz.shaped("variance", &[m, c, ny, nx]).map_err(bad)?;
+        let irradiance = npz.shaped("irradiance", &[m, ny, nx]).map_err(bad)?;
         let face = nx * ny;
         let maps = |values: &[f64], pattern: usize| -> Vec<Vec<f64>> {
             (0..c).map(|k| values[(pattern * c + k) * face..][..face].to_vec()).collect()

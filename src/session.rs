@@ -1,16 +1,18 @@
 //! A session: one folder that holds everything about one sample on one rig.
 
 mod check;
+mod way_out;
 
 use crate::Failure;
 use crate::adaptive::Brackets;
 use crate::wheel::KnownWheel;
 use material::{Face, Grid, LateralBoundary, Optics, Overwrite, atomic_write};
-use rig::{Acquisition, Chessboard, ProjectorMethod, RunError, SampleScheme};
+use rig::{Acquisition, Chessboard, ProjectorMethod, SampleScheme};
 use serde::{Deserialize, Serialize};
 use simulator::{Imperfections, SampleSpec, SimulatedRig, Transport};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use way_out::quoted;
 
 /// What makes a folder a session.
 const FILE: &str = "session.toml";
@@ -172,24 +174,6 @@ impl Default for PlanConfig {
     }
 }
 
-/// A path as it can be typed into a shell.
-fn quoted(path: &Path) -> String {
-    let path = path.display().to_string();
-    if path.contains(char::is_whitespace) { format!("\"{path}\"") } else { path }
-}
-
-/// The first folder of the names `folder-2`, `folder-3`, … that is not there.
-pub(crate) fn free_beside(folder: &Path) -> PathBuf {
-    let name = folder.file_name().map_or("session".into(), |name| name.to_string_lossy());
-    // Names such as wax-2 count on.
-    let (stem, from) = match name.rsplit_once('-').map(|(stem, n)| (stem, n.parse::<u32>())) {
-        Some((stem, Ok(n))) if n < 1000 => (stem.to_owned(), n + 1),
-        _ => (name.into_owned(), 2),
-    };
-    let places = (from..).map(|n| folder.with_file_name(format!("{stem}-{n}")));
-    places.into_iter().find(|place| !place.exists()).unwrap_or_else(|| folder.join("branch"))
-}
-
 /// An open session.
 pub(crate) struct Session {
     folder: PathBuf,
@@ -317,43 +301,6 @@ impl Session {
             return Err(crate::steps::is_there(self, relative));
         }
         Ok(())
-    }
-
-    /// A command with this session's folder in the place of SESSION.
-    fn filled(&self, command: &str) -> String {
-        command.replace("SESSION", &quoted(&self.folder))
-    }
-
-    /// `diaphane` with `words`, and this session's folder in the place of SESSION.
-    pub fn command(&self, words: &str) -> String {
-        self.filled(&format!("diaphane {words}"))
-    }
-
-    /// How a changed plan goes on elsewhere.
-    pub fn branch_command(&self) -> String {
-        self.command(&format!("branch SESSION {}", quoted(&free_beside(&self.folder))))
-    }
-
-    /// The way out where the plan is another one than that of the pictures.
-    pub fn branch_hint(&self) -> String {
-        format!(
-            "put the old values back into {}, or go on with the new ones in a session of their own: {}",
-            self.path(FILE).display(),
-            self.branch_command()
-        )
-    }
-
-    /// A failed run, with the way out that this session has.
-    pub fn run_failure(&self, error: RunError) -> Failure {
-        let hint = match &error {
-            RunError::OtherSettings { .. } => self.branch_hint(),
-            RunError::Journal(rig::JournalError::InUse { .. }) => format!(
-                "wait until it has ended, or end it with Ctrl-C; how far it is: {}",
-                self.command("status SESSION")
-            ),
-            _ => return error.into(),
-        };
-        Failure::from(error).hint(hint)
     }
 
     /// Exposures of the sample, seconds: whole turns of the projector's colour wheel, if known.

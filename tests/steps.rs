@@ -207,6 +207,11 @@ fn damage(session: &str) {
         let doctor = diaphane(["doctor", session]);
         assert_eq!(doctor.code, 1, "{file}: {}", doctor.stderr);
         assert!(doctor.json["error"].as_str().unwrap().starts_with(name), "{}", doctor.json);
+        // What it would show is not shown; what is made from it is not made.
+        let shown = !matches!(name, "export" | "report");
+        let report = diaphane(["report", session, "--force"]);
+        assert_eq!(report.code, if shown { 2 } else { 0 }, "{file}: {}", report.stderr);
+        assert!(!shown || report.json["hint"].as_str().unwrap().contains("--force"));
         std::fs::write(&path, good).unwrap();
     }
     // A changed byte in an export: `doctor` reads all of it.

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::commands::verify::load_material;
-use crate::output::Done;
+use crate::output::{Done, counted};
 use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
 use material::mitsuba::{self, Impossible};
@@ -131,7 +131,10 @@ pub(crate) fn export(
     })?;
     material.write_npz(&npz, overwrite)?;
     if exported.clamped > 0 {
-        eprintln!("warning: {} voxel values were clamped to no scattering", exported.clamped);
+        eprintln!(
+            "warning: clamped to no scattering: {}",
+            counted(exported.clamped, "voxel value")
+        );
     }
     let mut files = vec![npz];
     files.extend(exported.files);

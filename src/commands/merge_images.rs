@@ -5,7 +5,7 @@ use crate::Failure;
 use crate::exposures::{
     Exposure, exposures, master_darks, read_noise, refuse_one_time, response_bracket,
 };
-use crate::output::{Done, Progress, check_output, output_beside};
+use crate::output::{Done, Progress, check_output, counted, output_beside};
 use crate::reading::Reading;
 use calibration::{
     Bayer, Brightness, CalibrationError, ExposureTable, ExrPrecision, FlatField, HdrImage,
@@ -48,11 +48,11 @@ pub(crate) fn run(images: &Path, args: &Args, overwrite: Overwrite) -> Result<Do
     let precision = if args.half { ExrPrecision::Half } else { ExrPrecision::Float };
     write_exr_as(&output, &image, precision, overwrite)?;
     let mut text = format!(
-        "{} pictures merged into {}: {:.2} % of the values measured, {} pixels clipped even in the shortest, {} lost in noise even in the longest",
+        "{} pictures merged into {}: {:.2} % of the values measured, {} clipped even in the shortest, {} lost in noise even in the longest",
         bracket.len(),
         output.display(),
         100.0 * image.measured_share(),
-        image.clipped_shortest,
+        counted(image.clipped_shortest, "pixel"),
         image.lost_longest
     );
     text += &told(&report);
@@ -107,8 +107,8 @@ fn told(report: &MergeReport) -> String {
         && let Some((name, _)) = report.exposures.get(worst)
     {
         text += &format!(
-            "\n{} samples disagree between exposures beyond all noise, most of them in {name}: something moved, or the noise model is another camera's; their variance says so",
-            report.moved_samples
+            "\nbetween exposures {} differ beyond all noise, most of them in {name}: something moved, or the noise model is another camera's; their variance says so",
+            counted(report.moved_samples, "sample")
         );
     }
     if let Some(ratio) = report.noise_ratio.filter(|r| !(0.5..2.0).contains(r)) {

@@ -5,7 +5,7 @@ use crate::Failure;
 use crate::cli::STOP;
 use crate::commands::solve::MATERIAL;
 use crate::measurement::Measured;
-use crate::output::{Done, Progress};
+use crate::output::{Done, Progress, counted};
 use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
 use diffusion::{CpuSolver, Medium, bssrdf_error};
@@ -78,7 +78,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 
 /// The material of a session.
 pub(crate) fn load_material(session: &Session) -> Result<Material, Failure> {
-    Ok(Material::load(&session.required(MATERIAL, "diaphane solve SESSION")?)?)
+    let path = session.required(MATERIAL, "diaphane solve SESSION")?;
+    let again = || format!("solve again: {}", session.command("solve SESSION --force"));
+    Material::load(&path).map_err(|e| Failure::from(e).hint(again()))
 }
 
 /// Relights and compares, and writes the result.
@@ -91,8 +93,8 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
     let maps: Vec<Vec<f64>> = measured.patterns.iter().map(|p| p.irradiance.clone()).collect();
     if material.channels().len() != measured.channels.len() {
         let error = format!(
-            "{MATERIAL}: has {} channels, the measurement has {}",
-            material.channels().len(),
+            "{MATERIAL}: has {}, the measurement has {}",
+            counted(material.channels().len(), "channel"),
             measured.channels.len()
         );
         let hint = format!("solve again: {}", session.command("solve SESSION --force"));

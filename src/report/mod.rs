@@ -21,11 +21,15 @@ use crate::commands::calibrate::{self, Calibrated};
 use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
 use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
+use crate::output::counted;
 use crate::session::Session;
 use crate::steps::{State, Step, steps};
 use chart::{Line, logarithmic};
 use html::{capital, escape, facts, section};
 use material::{Face, Material};
+
+/// The steps whose results stand on the page.
+const SHOWN: [&str; 4] = ["calibration", "measurement", "material", "verification"];
 
 /// What a session holds so far.
 struct Found {
@@ -57,6 +61,11 @@ impl Found {
 /// The page, and the verdict on it where there is one.
 pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failure> {
     let steps = steps(session)?;
+    let shown = |s: &&Step| s.state == State::Damaged && SHOWN.contains(&s.name);
+    if let Some(damaged) = steps.iter().find(shown) {
+        let error = format!("{}: {}", damaged.name, damaged.told());
+        return Err(Failure::input(error).hint(format!("make it again: {}", damaged.command)));
+    }
     let mut found = Found::look(session)?;
     if steps.iter().any(|s| s.result == Some(RESULT) && s.state == State::OutOfDate) {
         // Figures of something else than the rest of the page shows.
@@ -106,8 +115,8 @@ fn head(session: &Session, found: &Found) -> String {
     let patterns = found.measured.as_ref().map_or(String::new(), |m| {
         let held = m.select(true).len();
         format!(
-            " Measured under {} patterns, {held} of them kept out of the fit.",
-            m.patterns.len()
+            " Measured under {}, {held} of them kept out of the fit.",
+            counted(m.patterns.len(), "pattern")
         )
     });
     format!(
@@ -183,7 +192,8 @@ fn unjudged(steps: &[Step]) -> String {
             }
         };
         let frames = s.frames.as_ref().map_or(String::new(), |f| {
-            format!(" <span class=\"soft\">{} of {} pictures</span>", f.taken, f.wanted)
+            let wanted = counted(f.wanted, "picture");
+            format!(" <span class=\"soft\">{} of {wanted}</span>", f.taken)
         });
         format!("<tr><th>{}</th><td>{told}{frames}</td></tr>", escape(s.name))
     };

@@ -11,6 +11,7 @@ mod tables;
 mod tests;
 
 use crate::Failure;
+use crate::output::counted;
 use crate::report::html::{self, capital, escape, section};
 use ::calibration::{Assessment, Device, DeviceAssessment, Geometry, PointResidual, Sight};
 
@@ -90,9 +91,9 @@ fn head(title: &str, geometry: &Geometry, shown: &[Shown<'_>]) -> String {
         })
         .collect();
     format!(
-        "<header><h1>{}</h1><p class=\"soft\">{} views; {}.</p></header>\n",
+        "<header><h1>{}</h1><p class=\"soft\">{}; {}.</p></header>\n",
         escape(title),
-        geometry.views.len(),
+        counted(geometry.views.len(), "view"),
         devices.join("; ")
     )
 }
