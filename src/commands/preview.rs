@@ -123,6 +123,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 }
 
 /// What the command line names: it is read before anything is written or switched on.
+#[allow(clippy::large_enum_variant, reason = "there is one in a program")]
 enum Named {
     Session(Session),
     File(RigFile, String),
