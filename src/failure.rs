@@ -160,7 +160,8 @@ impl From<rig::RunError> for Failure {
             rig::RunError::Device { ref source, .. }
                 if source.kind() == rig::DeviceErrorKind::Declined =>
             {
-                Self::other(error).hint("see to that and run the same command again: nothing is lost")
+                Self::other(error)
+                    .hint("see to that and run the same command again: nothing is lost")
             }
             rig::RunError::Device { .. } => Self::other(error)
                 .hint("mend the device and run the same command again: nothing is lost"),

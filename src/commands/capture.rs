@@ -137,7 +137,7 @@ pub(crate) fn interrupted(asked: Option<Target>, outcome: &Outcome, command: &st
     let are = if outcome.missing == 1 { "is" } else { "are" };
     let error = format!(
         "interrupted{asked}; {} kept, {} {are} missing",
-        if kept == 1 { "1 frame is".into() } else { format!("{kept} frames are") },
+        counted(kept, "frame"),
         outcome.missing
     );
     Failure::other(error).hint(format!("go on with: {command}"))

@@ -7,7 +7,6 @@ use super::frames::frame_photo;
 use crate::Failure;
 use crate::cli::STOP;
 use crate::commands::capture::{asked_for, interrupted, remark};
-use crate::output::counted;
 use crate::session::Session;
 use crate::technician::answer;
 use calibration::{Board, Photo, detect_board};
