@@ -88,7 +88,7 @@ fn who_stops_at_a_placement_interrupts_and_is_told_how_to_go_on() {
             let error = run.json["error"].as_str().unwrap();
             let interrupted = format!("interrupted while waiting for {asked}");
             assert!(error.starts_with(&interrupted), "{how:?}: {error}");
-            assert!(error.contains("0 frames are kept"), "{how:?}: {error}");
+            assert!(error.contains("0 frames kept"), "{how:?}: {error}");
             let hint = run.json["hint"].as_str().unwrap();
             let again = format!("go on with: diaphane {}", command.join(" "));
             assert_eq!(hint, again, "{how:?}");
