@@ -3,22 +3,12 @@
 
 mod common;
 
-use common::{Run, diaphane};
+use common::{Run, SIMULATED_RIG, diaphane};
 use serialport::{SerialPort, TTYPort};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
-
-const RIG: &str = r#"
-version = 1
-
-[camera]
-driver = "simulated"
-
-[projector.display]
-driver = "simulated"
-"#;
 
 /// How somebody stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +51,7 @@ fn stopped(arguments: &[&str], how: Stop) -> Run {
 fn who_stops_at_a_placement_interrupts_and_is_told_how_to_go_on() {
     let folder = tempfile::tempdir().unwrap();
     let (rig, session) = (folder.path().join("rig.toml"), folder.path().join("session"));
-    std::fs::write(&rig, RIG).unwrap();
+    std::fs::write(&rig, SIMULATED_RIG).unwrap();
     let (rig, session) = (rig.to_str().unwrap(), session.to_str().unwrap());
     let made = diaphane([
         "init",

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::diaphane;
+use common::{SIMULATED_RIG, diaphane};
 use std::path::Path;
 
 /// The file with `key = …` of the table `[table]` replaced by another line.
@@ -110,8 +110,7 @@ fn impossible_values_are_refused_by_init() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let rig = path("rig.toml");
-    let text = "version = 1\n[camera]\ndriver = \"simulated\"\n[projector.display]\ndriver = \"simulated\"\n";
-    std::fs::write(&rig, text).unwrap();
+    std::fs::write(&rig, SIMULATED_RIG).unwrap();
     let session = path("block");
     for (key, value, told) in [
         ("--eta", "0.9", "sample.eta"),

@@ -117,8 +117,9 @@ pub(crate) fn export(
     session.refuse_existing(NPZ, overwrite)?;
     // What an interrupted export left behind is no result.
     let overwrite = if session.path(NPZ).exists() { overwrite } else { Overwrite::Replace };
-    steps::warn(session, "export")?;
-    let inputs = made_from::inputs(&made_from::export(&Ledger::of(session)?));
+    let ledger = Ledger::of(session)?;
+    steps::warn(&ledger, "export")?;
+    let inputs = made_from::inputs(&made_from::export(&ledger));
     let material = load_material(session)?;
     let npz = session.result(NPZ)?;
     let folder = session.path("material/export/mitsuba");

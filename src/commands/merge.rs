@@ -104,7 +104,7 @@ pub(crate) fn measure(
     let plan = adaptive::sample_plan(session)?;
     let ledger = Ledger::of(session)?;
     steps::check_frames(&ledger, &plan, "capture SESSION")?;
-    steps::warn(session, "measurement")?;
+    steps::warn(&ledger, "measurement")?;
     // As it is before the work: a file that is replaced meanwhile shows.
     let inputs = made_from::inputs(&made_from::measurement(&ledger)?);
     let grid = &session.config.sample.grid;

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::adaptive;
 use crate::output::{Done, counted};
 use crate::session::{RigConfig, Session};
-use crate::steps::steps;
+use crate::steps::{next, steps, told_next};
 use rig::{Entry, Event, StopStatus, journal_in_use, read_journal};
 use serde_json::json;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let steps = steps(&session)?;
-    let next = steps.iter().find(|s| !s.done);
+    let next = next(&steps);
     let path = session.path("journal.jsonl");
     let journal = read_journal(&path)?;
     let capture = Capture::last(&session, &journal.entries, journal_in_use(&path))?;
@@ -40,10 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(told) = capture.told() {
         text += &format!("{told}\n");
     }
-    text += &match next {
-        Some(step) => format!("next: {}", step.command),
-        None => "all steps are done".to_owned(),
-    };
+    text += &told_next(next);
     let json = json!({
         "session": session.folder(),
         "sample": session.config.sample.name,

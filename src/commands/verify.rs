@@ -86,8 +86,9 @@ pub(crate) fn load_material(session: &Session) -> Result<Material, Failure> {
 /// Relights and compares, and writes the result.
 pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verification, Failure> {
     session.refuse_existing(RESULT, overwrite)?;
-    steps::warn(session, "verification")?;
-    let inputs = made_from::inputs(&made_from::verification(&Ledger::of(session)?));
+    let ledger = Ledger::of(session)?;
+    steps::warn(&ledger, "verification")?;
+    let inputs = made_from::inputs(&made_from::verification(&ledger));
     let measured = Measured::load(session)?;
     let material = load_material(session)?;
     let maps: Vec<Vec<f64>> = measured.patterns.iter().map(|p| p.irradiance.clone()).collect();

@@ -23,13 +23,10 @@ use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::counted;
 use crate::session::Session;
-use crate::steps::{State, Step, steps};
+use crate::steps::{State, Step, rests_on, steps};
 use chart::{Line, logarithmic};
 use html::{capital, escape, facts, section};
 use material::{Face, Material};
-
-/// The steps whose results stand on the page.
-const SHOWN: [&str; 4] = ["calibration", "measurement", "material", "verification"];
 
 /// What a session holds so far.
 struct Found {
@@ -61,7 +58,7 @@ impl Found {
 /// The page, and the verdict on it where there is one.
 pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failure> {
     let steps = steps(session)?;
-    let shown = |s: &&Step| s.state == State::Damaged && SHOWN.contains(&s.name);
+    let shown = |s: &&Step| s.state == State::Damaged && rests_on("report").contains(&s.name);
     if let Some(damaged) = steps.iter().find(shown) {
         let error = format!("{}: {}", damaged.name, damaged.told());
         return Err(Failure::input(error).hint(format!("make it again: {}", damaged.command)));

@@ -68,6 +68,11 @@ impl Step {
         }
     }
 
+    /// Pictures are many, a result is one.
+    fn verb(&self) -> &'static str {
+        if self.frames.is_some() { "are" } else { "is" }
+    }
+
     fn of_result(
         ledger: &Ledger<'_>,
         name: &'static str,
@@ -146,7 +151,7 @@ fn of_ledger(ledger: &Ledger<'_>) -> Result<Vec<Step>, Failure> {
 }
 
 /// What a step works from directly.
-fn rests_on(name: &str) -> &'static [&'static str] {
+pub(crate) fn rests_on(name: &str) -> &'static [&'static str] {
     match name {
         "calibration" => &["calibration pictures"],
         "measurement" => &["calibration", "sample pictures"],
@@ -171,9 +176,7 @@ fn pass_on(steps: &mut [Step]) {
         };
         if let Some(bad) = before.iter().find(bad) {
             let word = if bad.state == State::Damaged { "damaged" } else { "out of date" };
-            // Pictures are many.
-            let is = if bad.frames.is_some() { "are" } else { "is" };
-            step.remark = Some(format!("the {} {is} {word}", bad.name));
+            step.remark = Some(format!("the {} {} {word}", bad.name, bad.verb()));
             step.state = State::OutOfDate;
             step.done = false;
         }
@@ -182,18 +185,24 @@ fn pass_on(steps: &mut [Step]) {
 
 /// The last line of a step that went well.
 pub(crate) fn next_line(session: &Session) -> Result<String, Failure> {
-    Ok(match steps(session)?.iter().find(|step| !step.done) {
-        Some(step) => format!("next: {}", step.command),
-        None => "all steps are done".to_owned(),
-    })
+    Ok(told_next(next(&steps(session)?)))
+}
+
+/// The first step that is not done.
+pub(crate) fn next(steps: &[Step]) -> Option<&Step> {
+    steps.iter().find(|step| !step.done)
+}
+
+/// The step that comes next, as a line for people.
+pub(crate) fn told_next(next: Option<&Step>) -> String {
+    next.map_or("all steps are done".into(), |step| format!("next: {}", step.command))
 }
 
 /// Says on what a step would rest that is out of date.
-pub(crate) fn warn(session: &Session, name: &str) -> Result<(), Failure> {
-    for step in steps(session)? {
+pub(crate) fn warn(ledger: &Ledger<'_>, name: &str) -> Result<(), Failure> {
+    for step in of_ledger(ledger)? {
         if rests_on(name).contains(&step.name) && step.state == State::OutOfDate {
-            let is = if step.frames.is_some() { "are" } else { "is" };
-            let (what, told) = (step.name, step.told());
+            let (what, is, told) = (step.name, step.verb(), step.told());
             eprintln!("warning: the {what} {is} {told}; make it anew with: {}", step.command);
         }
     }

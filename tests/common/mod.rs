@@ -27,6 +27,18 @@ pub fn diaphane<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Run {
     }
 }
 
+/// The smallest rig file that makes pictures; a person puts things in place.
+#[allow(dead_code, reason = "not every test needs a rig file")]
+pub const SIMULATED_RIG: &str = r#"
+version = 1
+
+[camera]
+driver = "simulated"
+
+[projector.display]
+driver = "simulated"
+"#;
+
 /// Makes a session of few pictures on the simulated rig: one region, three exposures, six poses,
 /// with other keys of `[plan]` and more at the end of its file.
 #[allow(dead_code, reason = "not every test needs a session")]

@@ -29,7 +29,7 @@ pub(super) fn take(session: &Session, rig: &mut Rig) -> Result<Vec<String>, Fail
     let board = described(session)?.0;
     let interactive = std::io::stdin().is_terminal();
     let force = if is_done(session) { " --force" } else { "" };
-    let command = format!("diaphane calibrate all {}{force}", session.folder().display());
+    let command = session.command(&format!("calibrate all SESSION{force}"));
     let placements = placements(&plan);
     let mut complaints = Vec::new();
     loop {

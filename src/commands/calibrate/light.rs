@@ -71,8 +71,7 @@ fn measure(session: &Session) -> Result<Measured, Failure> {
     let mut progress = Progress::new("projector light", levels.len() + 2);
     let merged = |shot: &str| merge_shot(session, shot, &times, &found.response, &sensor);
     let dark = merged(DARK_SHOT).map_err(|failure| {
-        let folder = session.folder().display();
-        failure.hint(format!("take them with: diaphane capture {folder} --light"))
+        failure.hint(format!("take them with: {}", session.command("capture SESSION --light")))
     })?;
     let mut ramp = Vec::with_capacity(levels.len());
     for (i, &level) in levels.iter().enumerate() {

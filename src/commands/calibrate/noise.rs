@@ -158,8 +158,8 @@ fn of_session(session: &Session, saturation: Option<f64>) -> Result<PhotonTransf
         for e in 0..shot.exposures_s.len() {
             let frame = |repeat: u32| {
                 frame_and_time(session, &shot.name, e, repeat).map_err(|failure| {
-                    let folder = session.folder().display();
-                    failure.hint(format!("take them with: diaphane capture {folder} --noise"))
+                    let command = session.command("capture SESSION --noise");
+                    failure.hint(format!("take them with: {command}"))
                 })
             };
             let ((mut one, seconds), (mut other, _)) = (frame(0)?, frame(1)?);

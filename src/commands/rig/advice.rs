@@ -16,6 +16,18 @@ pub(super) enum Part {
     Hands,
 }
 
+impl Part {
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Picture => "projector",
+            Self::Control => "projector control",
+            Self::Stage => "stage",
+            Self::Hands => "hands",
+        }
+    }
+}
+
 /// A device of a rig that was asked for something.
 pub(super) struct Asked<'a> {
     pub part: Part,

@@ -101,32 +101,24 @@ impl Device {
         Self { part, driver, address: None, state: State::Fake, found, advice: None }
     }
 
-    fn new(
-        name: &'static str,
-        driver: &'static str,
-        asked: Asked<'_>,
-        answer: Result<String, DeviceError>,
-    ) -> Self {
+    fn new(driver: &'static str, asked: Asked<'_>, answer: Result<String, DeviceError>) -> Self {
         let (state, found, advice) = match answer {
             Ok(found) if asked.address.is_none() => (State::Fake, found, None),
             Ok(found) => (State::Found, found, None),
             Err(error) => (State::of(&error), error.to_string(), asked.advice(error.kind())),
         };
         let address = asked.address.map(|address| address.to_string());
-        Self { part: name, driver: Some(driver), address, state, found, advice }
+        Self { part: asked.part.name(), driver: Some(driver), address, state, found, advice }
     }
 
     /// The program that puts things on the bench, looked for and not called.
-    fn hands(program: &str, answer: Result<PathBuf, DeviceError>, rig: &Path) -> Self {
+    fn hands(program: &str, answer: Result<PathBuf, DeviceError>, asked: &Asked<'_>) -> Self {
         let (state, found, advice) = match answer {
             Ok(path) => (State::Found, format!("{} may be called", path.display()), None),
-            Err(error) => {
-                let asked = Asked { part: Part::Hands, address: None, command: Command::List, rig };
-                (State::of(&error), error.to_string(), asked.advice(error.kind()))
-            }
+            Err(error) => (State::of(&error), error.to_string(), asked.advice(error.kind())),
         };
         let (driver, address) = (Some("program"), Some(program.to_owned()));
-        Self { part: "hands", driver, address, state, found, advice }
+        Self { part: asked.part.name(), driver, address, state, found, advice }
     }
 
     /// For people: what it is, and what to do about it if `advised`.
@@ -236,6 +228,7 @@ fn of_machine(devices: &[Device]) -> String {
 /// Each device of a rig, asked; `rig` is what it was called, for commands.
 fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
     let mut devices = Vec::new();
+    let asked = |part, address| Asked { part, address, command: Command::List, rig };
     if let Some(config) = &file.camera {
         let answer = camera::ask(config, &Simulated::default());
         devices.push(answer.map_or_else(|| Device::fake("camera"), Device::camera));
@@ -246,13 +239,8 @@ fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
             // Looked for only: a window would flash up on whatever is shown there.
             let answer =
                 find_monitor(server.as_deref(), monitor).map(|monitor| monitor.to_string());
-            let asked = Asked {
-                part: Part::Picture,
-                address: config.address(),
-                command: Command::List,
-                rig,
-            };
-            devices.push(Device::new("projector", config.driver(), asked, answer));
+            let asked = asked(Part::Picture, config.address());
+            devices.push(Device::new(config.driver(), asked, answer));
         }
         None => {}
     }
@@ -260,9 +248,8 @@ fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
         let mut projector = config.open(&Simulated::default());
         let answer =
             projector.power_state().and_then(|power| Ok(format!("{}, {power}", projector.name()?)));
-        let asked =
-            Asked { part: Part::Control, address: config.address(), command: Command::List, rig };
-        devices.push(Device::new("projector control", config.driver(), asked, answer));
+        let asked = asked(Part::Control, config.address());
+        devices.push(Device::new(config.driver(), asked, answer));
     }
     if let Some(config) = &file.stage {
         let mut stage = config.open(&Simulated::default());
@@ -273,14 +260,13 @@ fn ask(file: &RigFile, rig: &Path) -> Vec<Device> {
             .map(|(number, name)| Ok(format!("{name} at {}", stage.position(number)?)))
             .collect();
         let answer = places.map(|places| places.join(", "));
-        let asked =
-            Asked { part: Part::Stage, address: config.address(), command: Command::List, rig };
-        devices.push(Device::new("stage", config.driver(), asked, answer));
+        let asked = asked(Part::Stage, config.address());
+        devices.push(Device::new(config.driver(), asked, answer));
     }
     match (&file.hands, file.hands.program()) {
         (HandsConfig::Simulated {}, _) => devices.push(Device::fake("hands")),
         (HandsConfig::Program { program, .. }, Some(hands)) => {
-            devices.push(Device::hands(program, hands.find(), rig));
+            devices.push(Device::hands(program, hands.find(), &asked(Part::Hands, None)));
         }
         // A person is asked when it is time.
         _ => {}

@@ -42,28 +42,19 @@ const COOLING: Duration = Duration::from_secs(300);
 pub(super) fn park(args: &Park) -> Result<Done, Failure> {
     let file = read(&args.rig)?;
     let mut done = Vec::new();
+    let asked = |part, address| Asked { part, address, command: Command::Park, rig: &args.rig };
     // The stage first: it is the one that stands in the way.
     if let Some(config) = &file.stage {
         let mut stage = config.open(&Simulated::default());
         let homed = if args.home { stage.home(MOVE) } else { Ok(()) };
-        let asked = Asked {
-            part: Part::Stage,
-            address: config.address(),
-            command: Command::Park,
-            rig: &args.rig,
-        };
+        let asked = asked(Part::Stage, config.address());
         homed.and_then(|()| stage.park(MOVE)).map_err(|error| failure(error, &asked))?;
         done.push("stage");
     }
     if let Some(config) = &file.projector.control {
         let mut projector = config.open(&Simulated::default());
         let mut progress = Progress::new("projector", 0);
-        let asked = Asked {
-            part: Part::Control,
-            address: config.address(),
-            command: Command::Park,
-            rig: &args.rig,
-        };
+        let asked = asked(Part::Control, config.address());
         power_off(projector.as_mut(), COOLING, &mut |state: PowerState, _| {
             progress.set(0, &state.to_string());
             !STOP.load(Ordering::Relaxed)

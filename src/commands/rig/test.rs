@@ -11,8 +11,8 @@ use ::rig::devices::{
     test_projector_control, test_stage,
 };
 use ::rig::{
-    CameraConfig, ControlConfig, DeviceError, DisplayConfig, Frame, Projector, ProjectorImage,
-    ProjectorInfo, RigFile, StageConfig,
+    Address, CameraConfig, ControlConfig, DeviceError, DisplayConfig, Frame, Projector,
+    ProjectorImage, ProjectorInfo, RigFile, StageConfig,
 };
 use material::Overwrite;
 use serde::Serialize;
@@ -64,6 +64,21 @@ struct Tested {
     advice: Option<String>,
 }
 
+impl Tested {
+    /// A part at `address` that knows its way out by its kind.
+    fn of(
+        part: Part,
+        driver: &'static str,
+        address: Option<Address>,
+        checks: Vec<Check>,
+        args: &Args,
+    ) -> Self {
+        let asked = Asked { part, address, command: Command::Test, rig: &args.rig };
+        let advice = first_failure(&checks).and_then(|check| asked.advice(check.error?));
+        Self { part: part.name(), driver, checks, advice }
+    }
+}
+
 /// Every other pixel stands on the wall for so long that somebody can see whether it is even.
 const LOOK: Duration = Duration::from_secs(3);
 /// For one short move, and for homing: the slowest stages need a minute or two.
@@ -97,7 +112,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
     if let Some(Err(error)) = display.map(|mut display| display.park()) {
         let checks = vec![step("park", Err(error))];
-        tested.push(Tested { part: "projector", driver: "picture", checks, advice: None });
+        let part = Part::Picture.name();
+        tested.push(Tested { part, driver: "picture", checks, advice: None });
     }
     if let Some(config) = &file.stage {
         tested.push(move_stage(config, args));
@@ -123,11 +139,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if tested.is_empty() {
         return Err(nothing(&args.rig, "no [camera], no [projector] and no [stage] to test"));
     }
-    let fails = |check: &&Check| check.result == CheckResult::Fail;
     let failed: Vec<String> = tested
         .iter()
         .filter_map(|device| {
-            let check = device.checks.iter().find(fails)?;
+            let check = first_failure(&device.checks)?;
             Some(format!("{}: {}: {}", device.part, check.name, check.found))
         })
         .collect();
@@ -148,19 +163,15 @@ fn step(name: &str, outcome: Result<(), DeviceError>) -> Check {
     Check::of(name, outcome.map(|()| "done".into()))
 }
 
-/// What to do about the first check that failed.
-fn what_helps(checks: &[Check], asked: &Asked<'_>) -> Option<String> {
-    let failed = checks.iter().find(|check| check.result == CheckResult::Fail)?;
-    asked.advice(failed.error?)
+fn first_failure(checks: &[Check]) -> Option<&Check> {
+    checks.iter().find(|check| check.result == CheckResult::Fail)
 }
 
 /// Calls nobody: a program that puts things in place would.
 fn look_for(hands: &HandsProgram, args: &Args) -> Tested {
     let found = hands.find().map(|path| format!("{} may be called", path.display()));
     let checks = vec![Check::of("program", found)];
-    let asked = Asked { part: Part::Hands, address: None, command: Command::Test, rig: &args.rig };
-    let advice = what_helps(&checks, &asked);
-    Tested { part: "hands", driver: "program", checks, advice }
+    Tested::of(Part::Hands, "program", None, checks, args)
 }
 
 fn photograph(config: &CameraConfig, simulated: &Simulated) -> (Tested, Option<Frame>) {
@@ -168,8 +179,8 @@ fn photograph(config: &CameraConfig, simulated: &Simulated) -> (Tested, Option<F
     match config.open(simulated) {
         Ok(mut opened) => {
             let (checks, frame) = test_camera(opened.as_mut());
-            let failed = checks.iter().find(|check| check.result == CheckResult::Fail);
-            let kind = failed.and_then(|check| check.error).zip(config.camera_driver());
+            let kind =
+                first_failure(&checks).and_then(|check| check.error).zip(config.camera_driver());
             let advice = kind.and_then(|(kind, driver)| camera::advice_on(driver, kind));
             (Tested { part, driver, checks, advice: advice.map(Into::into) }, frame)
         }
@@ -188,14 +199,7 @@ fn test_control(config: &ControlConfig, args: &Args) -> Tested {
         checks.push(step("switch on", switch_on(projector.as_mut(), config.warm_up())));
     }
     checks.extend(test_projector_control(projector.as_mut(), config.input()));
-    let asked = Asked {
-        part: Part::Control,
-        address: config.address(),
-        command: Command::Test,
-        rig: &args.rig,
-    };
-    let advice = what_helps(&checks, &asked);
-    Tested { part: "projector control", driver: config.driver(), checks, advice }
+    Tested::of(Part::Control, config.driver(), config.address(), checks, args)
 }
 
 /// Flashes pictures up, and leaves the projector white, so that the camera sees something.
@@ -204,13 +208,6 @@ fn flash(
     simulated: &Simulated,
     args: &Args,
 ) -> (Tested, Option<Box<dyn Projector>>) {
-    let (part, driver) = ("projector", config.driver());
-    let asked = Asked {
-        part: Part::Picture,
-        address: config.address(),
-        command: Command::Test,
-        rig: &args.rig,
-    };
     let (checks, display) = match config.open(simulated) {
         Ok(mut display) => {
             let mut checks = test_display(display.as_mut());
@@ -225,8 +222,7 @@ fn flash(
         }
         Err(error) => (vec![step("open", Err(error))], None),
     };
-    let advice = what_helps(&checks, &asked);
-    (Tested { part, driver, checks, advice }, display)
+    (Tested::of(Part::Picture, config.driver(), config.address(), checks, args), display)
 }
 
 fn switch_on(projector: &mut dyn ProjectorControl, limit: Duration) -> Result<(), DeviceError> {
@@ -240,26 +236,17 @@ fn switch_on(projector: &mut dyn ProjectorControl, limit: Duration) -> Result<()
 }
 
 fn move_stage(config: &StageConfig, args: &Args) -> Tested {
-    let (part, driver) = ("stage", config.driver());
     let mut stage = config.open(&Simulated::default());
     let mut checks = Vec::new();
     if args.unlock {
         checks.push(step("unlock", stage.unlock()));
     }
-    let failed = |checks: &[Check]| checks.iter().any(|check| check.result == CheckResult::Fail);
-    if args.home && !failed(&checks) {
+    if args.home && first_failure(&checks).is_none() {
         checks.push(step("home", stage.home(HOMING)));
     }
     // What it would do without what was asked for first is not what was asked for.
-    if !failed(&checks) {
+    if first_failure(&checks).is_none() {
         checks.extend(test_stage(stage.as_mut(), MOVE));
     }
-    let asked = Asked {
-        part: Part::Stage,
-        address: config.address(),
-        command: Command::Test,
-        rig: &args.rig,
-    };
-    let advice = what_helps(&checks, &asked);
-    Tested { part, driver, checks, advice }
+    Tested::of(Part::Stage, config.driver(), config.address(), checks, args)
 }
