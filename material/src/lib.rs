@@ -10,6 +10,8 @@ mod native;
 pub mod npz;
 mod optics;
 mod provenance;
+mod scattering;
+pub mod vdb;
 mod volume;
 
 pub use atomic::{Overwrite, Unfinished, atomic_copy, atomic_write};
@@ -20,4 +22,8 @@ pub use optics::{
     diffuse_reflectance, normal_reflectance, partial_current_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};
+pub use scattering::{
+    Impossible, ScatteringMedium, SceneUnit, absorption_and_scattering, diffusion_and_absorption,
+    impossible_values,
+};
 pub use volume::{Channel, Coefficient, Material, MaterialError};

@@ -5,14 +5,16 @@ use crate::commands::verify::load_material;
 use crate::output::{Done, counted};
 use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
-use material::mitsuba::{self, Impossible};
-use material::{Input, Overwrite, hash_file};
+use material::{
+    Impossible, Input, Overwrite, ScatteringMedium, SceneUnit, hash_file, mitsuba, vdb,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Written last but for the record: once it is there the export is done.
 pub(crate) const NPZ: &str = "material/export/material.npz";
+const VDB: &str = "material/export/material.vdb";
 /// What was exported.
 const RECORD: &str = "material/export/export.json";
 
@@ -84,7 +86,7 @@ impl Record {
     }
 }
 
-/// Write the material for other programs: NumPy and Mitsuba 3
+/// Write the material for other programs: OpenVDB, Mitsuba 3 and NumPy
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane export my-wax")]
 pub(crate) struct Args {
@@ -93,6 +95,9 @@ pub(crate) struct Args {
     /// Give voxels that no scattering medium has (3κμ > 1) no scattering instead of refusing them
     #[arg(long)]
     clamp: bool,
+    /// Length that is 1 in the renderer's scene: mm, cm or m
+    #[arg(long, default_value = "mm")]
+    unit: SceneUnit,
     /// Replace files that are there
     #[arg(long)]
     force: bool,
@@ -102,7 +107,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let impossible = if args.clamp { Impossible::Clamp } else { Impossible::Refuse };
-    let files = export(&session, impossible, overwrite)?;
+    let files = export(&session, args.unit, impossible, overwrite)?;
     let mut lines: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     lines.push(steps::next_line(&session)?);
     Ok(Done::new(json!({ "files": files }), lines.join("\n")))
@@ -111,6 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
 /// Writes every format and returns the files.
 pub(crate) fn export(
     session: &Session,
+    unit: SceneUnit,
     impossible: Impossible,
     overwrite: Overwrite,
 ) -> Result<Vec<PathBuf>, Failure> {
@@ -125,21 +131,20 @@ pub(crate) fn export(
     let folder = session.path("material/export/mitsuba");
     std::fs::create_dir_all(&folder)
         .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", folder.display())))?;
-    let exported = mitsuba::export(&folder, &material, impossible, overwrite).map_err(|e| {
-        let hint = matches!(e, material::FileError::CannotHold { .. });
-        let failure = Failure::from(e);
-        if hint { failure.hint("add --clamp to write them without scattering") } else { failure }
-    })?;
+    let medium = ScatteringMedium::of(&material, unit, impossible, &folder)
+        .map_err(|e| Failure::from(e).hint("add --clamp to write them without scattering"))?;
+    let vdb = session.path(VDB);
+    vdb::write(&vdb, &medium, overwrite)?;
+    let mut files = mitsuba::export(&folder, &medium, overwrite)?;
     material.write_npz(&npz, overwrite)?;
-    if exported.clamped > 0 {
+    if medium.clamped() > 0 {
         eprintln!(
             "warning: clamped to no scattering: {}",
-            counted(exported.clamped, "voxel value")
+            counted(medium.clamped(), "voxel value")
         );
     }
-    let mut files = vec![npz];
-    files.extend(exported.files);
-    let record = Record::of(session, inputs, &files, exported.clamped)?;
+    files.splice(0..0, [npz, vdb]);
+    let record = Record::of(session, inputs, &files, medium.clamped())?;
     session.write_json(RECORD, &record, Overwrite::Replace)?;
     Ok(files)
 }

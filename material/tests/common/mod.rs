@@ -2,14 +2,25 @@
 
 use std::collections::BTreeMap;
 
-use material::{Channel, Face, Grid, Input, Material, Optics, Provenance};
+use material::{
+    Channel, Face, Grid, Impossible, Input, Material, Optics, Provenance, ScatteringMedium,
+    SceneUnit,
+};
 
 pub fn sample(names: &[&str]) -> Material {
-    let grid = Grid::new([5, 4, 3], [0.1, 0.25, 1.0 / 3.0]).unwrap();
+    with_grid(Grid::new([5, 4, 3], [0.1, 0.25, 1.0 / 3.0]).unwrap(), names)
+}
+
+/// The same on another grid.
+#[allow(dead_code, reason = "most tests do with the small one")]
+pub fn with_grid(grid: Grid, names: &[&str]) -> Material {
+    // Small enough that every voxel could be one that scatters.
+    let step = (60.0 / grid.len() as f32).min(1.0);
+    let cells = || (0..grid.len()).map(|i| i as f32 * step);
     let channel = |c: usize, name: &str| Channel {
         name: name.into(),
-        kappa_mm: (0..60).map(|i| 0.1 + 0.001 * i as f32 + 0.1 * c as f32).collect(),
-        mu_per_mm: (0..60).map(|i| 1e-3 + 1e-5 * i as f32 + 1e-2 * c as f32).collect(),
+        kappa_mm: cells().map(|i| 0.1 + 0.001 * i + 0.1 * c as f32).collect(),
+        mu_per_mm: cells().map(|i| 1e-3 + 1e-5 * i + 1e-2 * c as f32).collect(),
         gain: 1.0 + c as f64 / 7.0,
     };
     let channels = names.iter().enumerate().map(|(c, name)| channel(c, name)).collect();
@@ -26,4 +37,10 @@ pub fn sample(names: &[&str]) -> Material {
             .collect::<BTreeMap<_, _>>(),
     };
     Material::new(grid, channels, Optics::from_eta(1.0 / 0.7), Face::Back, provenance).unwrap()
+}
+
+/// A material as a renderer takes it; none of its voxels is impossible.
+#[allow(dead_code, reason = "not every test writes for renderers")]
+pub fn medium(material: &Material, unit: SceneUnit) -> ScatteringMedium<'_> {
+    ScatteringMedium::of(material, unit, Impossible::Refuse, "here".as_ref()).unwrap()
 }

@@ -1,0 +1,77 @@
+//! Every export of a material of 256 × 256 × 20 voxels and three channels, and their sizes.
+
+use std::path::Path;
+use std::time::Duration;
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use material::{
+    Channel, Face, Grid, Impossible, Material, Optics, Overwrite, Provenance, ScatteringMedium,
+    SceneUnit, mitsuba, vdb,
+};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Veins with noise on them: acquired coefficients have no two voxels alike.
+fn slab() -> Material {
+    let grid = Grid::new([256, 256, 20], [0.25; 3]).unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let mut field = |mean: f32, contrast: f32| {
+        let mut voxel = |i: usize| {
+            let [x, y, z] = [i % 256, i / 256 % 256, i / 65536].map(|n| n as f32);
+            let vein = (0.05 * x + 0.03 * y + 2.0 * (0.02 * y + 0.1 * z).sin()).sin();
+            mean * (contrast * vein + 0.02 * random.random_range(-1.0..1.0_f32)).exp()
+        };
+        (0..grid.len()).map(&mut voxel).collect()
+    };
+    let channels = ["R", "G", "B"].map(|name| Channel {
+        name: name.into(),
+        kappa_mm: field(0.3, 0.4),
+        mu_per_mm: field(0.01, 0.8),
+        gain: 1.0,
+    });
+    let optics = Optics::from_eta(1.4);
+    Material::new(grid, channels.into(), optics, Face::Back, Provenance::default()).unwrap()
+}
+
+/// How large a folder is.
+fn bytes(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    let size = |entry: std::fs::DirEntry| match entry.metadata().unwrap() {
+        about if about.is_dir() => bytes(&entry.path()),
+        about => about.len(),
+    };
+    entries.map(size).sum()
+}
+
+fn exports(criterion: &mut Criterion) {
+    let material = slab();
+    let here = Path::new("slab");
+    let medium =
+        ScatteringMedium::of(&material, SceneUnit::Millimetre, Impossible::Refuse, here).unwrap();
+    type Write<'a> = Box<dyn Fn(&Path) + 'a>;
+    let formats: [(&str, Write); 3] = [
+        ("vdb", Box::new(|f| vdb::write(&f.join("m.vdb"), &medium, Overwrite::Refuse).unwrap())),
+        ("mitsuba", Box::new(|f| drop(mitsuba::export(f, &medium, Overwrite::Refuse).unwrap()))),
+        ("npz", Box::new(|f| material.write_npz(&f.join("m.npz"), Overwrite::Refuse).unwrap())),
+    ];
+    let all = |folder: &Path| formats.iter().for_each(|(_, write)| write(folder));
+    let mut group = criterion.benchmark_group("export");
+    group.sample_size(10).measurement_time(Duration::from_secs(10));
+    let mut run = |name: &str, write: &dyn Fn(&Path)| {
+        group.bench_function(name, |b| {
+            b.iter_batched_ref(
+                || tempfile::tempdir().unwrap(),
+                |folder| write(folder.path()),
+                BatchSize::PerIteration,
+            );
+        });
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path());
+        println!("export/{name}: {:.1} MB", bytes(folder.path()) as f64 / 1e6);
+    };
+    formats.iter().for_each(|(name, write)| run(name, &**write));
+    run("all", &all);
+}
+
+criterion_group!(benches, exports);
+criterion_main!(benches);
