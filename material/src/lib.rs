@@ -2,6 +2,7 @@
 //! and every file format that they are read from and written to.
 
 mod atomic;
+mod cursor;
 mod file_error;
 mod grid;
 mod header;
@@ -10,6 +11,7 @@ mod native;
 pub mod npz;
 mod optics;
 mod provenance;
+mod reading;
 mod scattering;
 pub mod vdb;
 mod volume;
@@ -22,6 +24,7 @@ pub use optics::{
     diffuse_reflectance, normal_reflectance, partial_current_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};
+pub use reading::Reading;
 pub use scattering::{
     Impossible, ScatteringMedium, SceneUnit, absorption_and_scattering, diffusion_and_absorption,
     impossible_values,

@@ -17,6 +17,8 @@ const MARGIN: i32 = 2;
 
 /// Name of the metadata that holds the material without its voxels, as JSON.
 pub(super) const HEADER: &str = "diaphane_header";
+/// And of the one that holds the scene's unit of length.
+pub(super) const UNIT: &str = "diaphane_scene_unit";
 
 /// Writes a material as grids, in the renderer's frame of [`ScatteringMedium`]:
 ///
@@ -61,7 +63,7 @@ fn about(medium: &ScatteringMedium<'_>, header: &str) -> Metadata {
     vec![
         ("creator", text(format!("{} {}", provenance.software, provenance.version))),
         (HEADER, text(header.into())),
-        ("diaphane_scene_unit", text(medium.unit().symbol().into())),
+        (UNIT, text(medium.unit().symbol().into())),
         ("diaphane_clamped", Value::Count(medium.clamped() as i64)),
     ]
 }
@@ -132,6 +134,7 @@ impl Grids<'_> {
             ("unit", text(unit)),
             ("description", text(description)),
             (HEADER, text(&self.header)),
+            (UNIT, text(self.medium.unit().symbol())),
         ];
         let at = file.stream_position()?;
         Field { name, class, metadata, value }.write(file, &self.frame, at).map(drop)

@@ -9,11 +9,14 @@
 //! All numbers are little-endian. `docs/material-format.md` describes the layout for others.
 
 mod export;
+mod import;
 mod metadata;
+mod reader;
 mod tree;
 mod writer;
 
 pub use export::write;
+pub use import::read;
 
 /// Version of the file format that is written; OpenVDB 5 (2017) and later read it.
 const FILE_VERSION: u32 = 224;

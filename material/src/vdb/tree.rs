@@ -21,9 +21,24 @@ impl Region {
         Some(Self { low: [-margin; 3], high })
     }
 
-    /// Its voxels.
-    pub fn voxels(&self) -> i64 {
-        (0..3).map(|axis| i64::from(self.high[axis]) - i64::from(self.low[axis])).product()
+    /// Voxels along each axis; 0 where the corners are the wrong way round.
+    pub fn size(&self) -> [u64; 3] {
+        let along = |axis: usize| i64::from(self.high[axis]) - i64::from(self.low[axis]);
+        [along(0), along(1), along(2)].map(|n| u64::try_from(n).unwrap_or(0))
+    }
+
+    /// How many voxels there are.
+    pub fn voxels(&self) -> u64 {
+        self.size().into_iter().fold(1, u64::saturating_mul)
+    }
+
+    /// What two boxes have in common.
+    pub fn common(&self, other: &Self) -> Self {
+        let axis = |of: &dyn Fn(usize) -> i32| [of(0), of(1), of(2)];
+        Self {
+            low: axis(&|i| self.low[i].max(other.low[i])),
+            high: axis(&|i| self.high[i].min(other.high[i])),
+        }
     }
 
     pub fn holds(&self, voxel: [i32; 3]) -> bool {
@@ -32,12 +47,7 @@ impl Region {
 
     /// The part of it that the node of edge `1 << log2` at `origin` covers.
     fn within(&self, origin: [i32; 3], log2: u32) -> Self {
-        let mut part = *self;
-        for axis in 0..3 {
-            part.low[axis] = part.low[axis].max(origin[axis]);
-            part.high[axis] = part.high[axis].min(origin[axis] + (1 << log2));
-        }
-        part
+        self.common(&Self { low: origin, high: origin.map(|n| n + (1 << log2)) })
     }
 
     /// Origins of the nodes of edge `1 << log2` that the box touches, in the order of files: by
@@ -128,7 +138,7 @@ mod tests {
             .flat_map(|&leaf| leaf_mask(&region, leaf))
             .map(|byte| byte.count_ones())
             .sum();
-        assert_eq!(i64::from(voxels), region.voxels());
+        assert_eq!(u64::from(voxels), region.voxels());
         assert_eq!(region.voxels(), 132 * 13 * 11);
     }
 

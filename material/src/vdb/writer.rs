@@ -87,7 +87,7 @@ impl<const N: usize> Field<'_, N> {
             ("file_bbox_max", Value::Voxel(region.high.map(|n| n - 1))),
             ("file_bbox_min", Value::Voxel(region.low)),
             ("file_compression", text("zip + active values")),
-            ("file_voxel_count", Value::Count(region.voxels())),
+            ("file_voxel_count", Value::Count(region.voxels() as i64)),
             ("is_saved_as_half_float", Value::Truth(false)),
             ("name", text(self.name)),
         ];
