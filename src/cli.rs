@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::commands::{
-    branch, calibrate, capture, demo, doctor, export, forward, import, init, merge, plan, preview,
-    report, rig, solve, status, study, verify,
+    branch, calibrate, capture, convert, demo, doctor, export, forward, import, info, init, merge,
+    plan, preview, report, rig, solve, status, study, verify,
 };
 use crate::output::Done;
 use ::rig::devices::Parking;
@@ -56,6 +56,10 @@ enum Command {
     Verify(verify::Args),
     /// Write the material for other programs
     Export(export::Args),
+    /// Write a material that is in one format in another
+    Convert(convert::Args),
+    /// Tell what a material is like: ranges, impossible voxels, whether diffusion is right for it
+    Info(info::Args),
     /// Write one page about a session: how good it is, what it looks like, where it comes from
     Report(report::Args),
     /// Solve the forward problem of a file of coefficients
@@ -173,6 +177,8 @@ fn run(command: Command) -> Result<Done, Failure> {
         Command::Solve(args) => solve::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Info(args) => info::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Forward(args) => forward::run(&args),
         Command::Study(args) => study::run(&args),

@@ -16,6 +16,7 @@ mod regime;
 mod report;
 mod sensor;
 mod session;
+mod statistics;
 mod steps;
 mod study;
 mod technician;

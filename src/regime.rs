@@ -27,15 +27,18 @@ const WIDTH: f64 = 24.0;
 const CELL: f64 = 0.75;
 
 /// A block in mean free paths 1/(μ + σs'), by the means of one channel.
-struct Regime {
-    absorption: f64,
-    thickness: f64,
+pub(crate) struct Regime {
+    /// 1 − albedo.
+    pub absorption: f64,
+    pub thickness: f64,
+    /// Between free sides; infinite where no light leaves through them.
     width: f64,
-    cell: f64,
+    /// Longest edge of a cell.
+    pub cell: f64,
 }
 
 impl Regime {
-    fn of(material: &Material, channel: &material::Channel) -> Self {
+    pub fn of(material: &Material, channel: &material::Channel) -> Self {
         let grid = material.grid();
         let [width, height, thickness] = grid.size_mm();
         let cell = grid.spacing_mm().into_iter().fold(0.0, f64::max);
@@ -53,7 +56,7 @@ impl Regime {
     }
 
     /// Errors in scale and root mean square to be reckoned with.
-    fn errors(&self) -> (f64, f64) {
+    pub fn errors(&self) -> (f64, f64) {
         let (row, down) = place(&ABSORPTION, self.absorption);
         let (column, right) = place(&THICKNESS, self.thickness);
         let read = |table: &[[f64; 4]; 4]| {
@@ -83,7 +86,8 @@ pub(crate) fn warnings(material: &Material) -> Vec<String> {
     material.channels().iter().filter_map(|channel| warning(material, channel)).collect()
 }
 
-fn warning(material: &Material, channel: &material::Channel) -> Option<String> {
+/// The same for one channel, whatever the convention.
+pub(crate) fn warning(material: &Material, channel: &material::Channel) -> Option<String> {
     let regime = Regime::of(material, channel);
     let (scale, rms) = regime.errors();
     let mut out = Vec::new();

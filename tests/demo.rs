@@ -89,7 +89,9 @@ fn a_front_lit_session_goes_through_step_by_step() {
     let files = step(&["export", session, "--json"]);
     let files: Vec<&str> =
         files["files"].as_array().unwrap().iter().filter_map(|file| file.as_str()).collect();
-    for name in ["material.npz", "material.vdb", "mitsuba/sigma_t.vol"] {
+    for name in
+        ["material.npz", "material.vdb", "material.nrrd", "mitsuba/sigma_t.vol", "average.gltf"]
+    {
         let path = format!("{session}/material/export/{name}");
         assert!(files.contains(&path.as_str()) && Path::new(&path).is_file(), "{name}: {files:?}");
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Channel, Face, Grid, Material, Optics, Provenance};
+use crate::{Channel, Face, Grid, Material, Optics, Provenance, ScatteringMedium};
 
 /// A material without its arrays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,5 +31,29 @@ impl Header {
             lit_face: material.lit_face(),
             provenance: material.provenance().clone(),
         }
+    }
+}
+
+/// What goes along with a renderer's format, where it has a place for text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct About {
+    /// Symbol of the unit of length.
+    pub scene_unit: String,
+    /// Values whose scattering was set to zero.
+    pub clamped: usize,
+    /// The material without its voxels.
+    #[serde(flatten)]
+    pub header: Header,
+}
+
+impl About {
+    pub(crate) fn of(medium: &ScatteringMedium<'_>) -> Self {
+        let (scene_unit, clamped) = (medium.unit().symbol().into(), medium.clamped());
+        Self { scene_unit, clamped, header: Header::of(medium.material()) }
+    }
+
+    /// On one line.
+    pub(crate) fn json(&self) -> std::io::Result<String> {
+        Ok(serde_json::to_string(self)?)
     }
 }

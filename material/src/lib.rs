@@ -2,22 +2,32 @@
 //! and every file format that they are read from and written to.
 
 mod atomic;
+mod average;
 mod cursor;
+pub mod exr_stack;
 mod file_error;
+mod format;
+pub mod gltf;
 mod grid;
 mod header;
 pub mod mitsuba;
 mod native;
 pub mod npz;
+pub mod nrrd;
+pub mod openpbr;
 mod optics;
+pub mod pbrt;
 mod provenance;
 mod reading;
 mod scattering;
+mod template;
 pub mod vdb;
 mod volume;
 
 pub use atomic::{Overwrite, Unfinished, atomic_copy, atomic_write};
+pub use average::Average;
 pub use file_error::FileError;
+pub use format::{Conversion, Format, Written};
 pub use grid::{Grid, GridError};
 pub use optics::{
     BoundaryConvention, Face, Illumination, LateralBoundary, Optics, boundary_constant,

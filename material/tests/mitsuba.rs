@@ -19,7 +19,7 @@ fn medium(material: &Material, impossible: Impossible) -> Result<ScatteringMediu
 
 /// sigma_t, albedo, sigma_a and sigma_s.
 fn exported(folder: &Path, medium: &ScatteringMedium<'_>) -> [GridVolume; 4] {
-    let files = export(folder, medium, Overwrite::Refuse).unwrap();
+    let files = export(&folder.join("scene.xml"), medium, Overwrite::Refuse).unwrap();
     let read = |name: &str| {
         GridVolume::read(files.iter().find(|file| file.ends_with(name)).unwrap()).unwrap()
     };
@@ -82,7 +82,7 @@ fn impossible_voxels_are_counted_and_clamped_only_when_told() {
     assert_eq!(albedo.at_sample([1, 1, 0], 0), Some(0.0));
     assert_eq!(albedo.at_sample([2, 0, 0], 0), None);
 
-    let again = export(folder.path(), &medium, Overwrite::Refuse);
+    let again = export(&folder.path().join("scene.xml"), &medium, Overwrite::Refuse);
     assert!(matches!(again, Err(FileError::Exists { .. })));
 }
 
@@ -91,7 +91,7 @@ fn two_channels_do_not_fit() {
     let folder = tempfile::tempdir().unwrap();
     let material = sample(&["R", "G"]);
     let medium = medium(&material, Impossible::Refuse).unwrap();
-    let error = export(folder.path(), &medium, Overwrite::Refuse).unwrap_err();
+    let error = export(&folder.path().join("scene.xml"), &medium, Overwrite::Refuse).unwrap_err();
     assert!(error.to_string().contains("1 or 3 channels, found 2"), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

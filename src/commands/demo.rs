@@ -6,7 +6,7 @@ use crate::commands::{calibrate, capture, export, merge, report, solve, verify};
 use crate::output::Done;
 use crate::session::Session;
 use crate::steps::steps;
-use material::{Impossible, Overwrite, SceneUnit};
+use material::{Conversion, Impossible, Overwrite, SceneUnit};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -60,7 +60,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     } else {
         session.read_json(verify::RESULT, "diaphane verify SESSION")?
     };
-    export::export(&session, SceneUnit::Millimetre, Impossible::Clamp, Overwrite::Replace)?;
+    let conversion = Conversion { unit: SceneUnit::Millimetre, impossible: Impossible::Clamp };
+    export::export(&session, conversion, Overwrite::Replace)?;
     let (page, verdict) = report::report(&session, None, Overwrite::Replace)?;
     let seconds = started.elapsed().as_secs_f64();
     let summary = json!({

@@ -6,7 +6,8 @@ use crate::output::{Done, counted};
 use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
 use material::{
-    Impossible, Input, Overwrite, ScatteringMedium, SceneUnit, hash_file, mitsuba, vdb,
+    Conversion, FileError, Format, Impossible, Input, Overwrite, ScatteringMedium, SceneUnit,
+    hash_file, nrrd,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -14,7 +15,6 @@ use std::path::PathBuf;
 
 /// Written last but for the record: once it is there the export is done.
 pub(crate) const NPZ: &str = "material/export/material.npz";
-const VDB: &str = "material/export/material.vdb";
 /// What was exported.
 const RECORD: &str = "material/export/export.json";
 
@@ -86,7 +86,7 @@ impl Record {
     }
 }
 
-/// Write the material for other programs: OpenVDB, Mitsuba 3 and NumPy
+/// Write the material for other programs: OpenVDB, Mitsuba 3, pbrt, NRRD, OpenEXR, NumPy, glTF, OpenPBR
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane export my-wax")]
 pub(crate) struct Args {
@@ -107,17 +107,30 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let impossible = if args.clamp { Impossible::Clamp } else { Impossible::Refuse };
-    let files = export(&session, args.unit, impossible, overwrite)?;
+    let files = export(&session, Conversion { unit: args.unit, impossible }, overwrite)?;
     let mut lines: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     lines.push(steps::next_line(&session)?);
     Ok(Done::new(json!({ "files": files }), lines.join("\n")))
 }
 
+/// Files of an export that is done, the last one last; Mitsuba's volumes come with its scene.
+const FILES: [&str; 8] = [
+    "material/export/material.vdb",
+    "material/export/mitsuba/scene.xml",
+    "material/export/material.pbrt",
+    "material/export/material.nrrd",
+    "material/export/material.exr",
+    "material/export/average.gltf",
+    "material/export/average.mtlx",
+    NPZ,
+];
+/// A single volume for viewers that know no more.
+const DENSITY: &str = "material/export/density.nrrd";
+
 /// Writes every format and returns the files.
 pub(crate) fn export(
     session: &Session,
-    unit: SceneUnit,
-    impossible: Impossible,
+    conversion: Conversion,
     overwrite: Overwrite,
 ) -> Result<Vec<PathBuf>, Failure> {
     session.refuse_existing(NPZ, overwrite)?;
@@ -127,24 +140,35 @@ pub(crate) fn export(
     steps::warn(&ledger, "export")?;
     let inputs = made_from::inputs(&made_from::export(&ledger));
     let material = load_material(session)?;
-    let npz = session.result(NPZ)?;
-    let folder = session.path("material/export/mitsuba");
-    std::fs::create_dir_all(&folder)
-        .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", folder.display())))?;
-    let medium = ScatteringMedium::of(&material, unit, impossible, &folder)
-        .map_err(|e| Failure::from(e).hint("add --clamp to write them without scattering"))?;
-    let vdb = session.path(VDB);
-    vdb::write(&vdb, &medium, overwrite)?;
-    let mut files = mitsuba::export(&folder, &medium, overwrite)?;
-    material.write_npz(&npz, overwrite)?;
-    if medium.clamped() > 0 {
-        eprintln!(
-            "warning: clamped to no scattering: {}",
-            counted(medium.clamped(), "voxel value")
-        );
+    // Asked before anything is written.
+    let Conversion { unit, impossible } = conversion;
+    let folder = session.path("material/export");
+    let medium =
+        ScatteringMedium::of(&material, unit, impossible, &folder).map_err(may_be_clamped)?;
+    let mut files = Vec::new();
+    for name in FILES {
+        let path = session.result(name)?;
+        let format = Format::to_write(&path)?;
+        files.extend(format.write(&path, &material, conversion, overwrite)?.files);
     }
-    files.splice(0..0, [npz, vdb]);
+    let density = session.result(DENSITY)?;
+    nrrd::write_density(&density, &medium, overwrite)?;
+    files.push(density);
+    warn_of_clamped(medium.clamped());
     let record = Record::of(session, inputs, &files, medium.clamped())?;
     session.write_json(RECORD, &record, Overwrite::Replace)?;
     Ok(files)
+}
+
+/// The way out where voxels are impossible.
+pub(crate) fn may_be_clamped(error: FileError) -> Failure {
+    let impossible = matches!(&error, FileError::CannotHold { reason, .. } if reason.contains('κ'));
+    let failure = Failure::from(error);
+    if impossible { failure.hint("add --clamp to write them without scattering") } else { failure }
+}
+
+pub(crate) fn warn_of_clamped(clamped: usize) {
+    if clamped > 0 {
+        eprintln!("warning: clamped to no scattering: {}", counted(clamped, "voxel value"));
+    }
 }

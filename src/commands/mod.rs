@@ -3,11 +3,13 @@
 pub(crate) mod branch;
 pub(crate) mod calibrate;
 pub(crate) mod capture;
+pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod export;
 pub(crate) mod forward;
 pub(crate) mod import;
+pub(crate) mod info;
 pub(crate) mod init;
 pub(crate) mod merge;
 mod merge_images;

@@ -2,43 +2,114 @@
 //!
 //! Mitsuba's frame is the renderers' of [`ScatteringMedium`]: z points at the camera.
 
+mod import;
 mod volume;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
+pub use import::read;
 pub use volume::GridVolume;
 
-use crate::{FileError, Overwrite, ScatteringMedium};
+use crate::header::About;
+use crate::template::{filled, in_comment};
+use crate::{Face, FileError, Overwrite, ScatteringMedium, atomic_write};
 
-/// Writes the material into `folder` as `sigma_t.vol` and `albedo.vol`, which Mitsuba's
-/// heterogeneous medium takes (with an isotropic phase function), and `sigma_a.vol` and
-/// `sigma_s.vol` (σs') for others. Coefficients per scene unit.
+/// Beside the volumes: the material without its voxels, as JSON.
+const ABOUT: &str = "about.json";
+type Quantity = fn((f64, f64)) -> f64;
+const VOLUMES: [(&str, Quantity); 4] = [
+    ("sigma_t.vol", |(a, s)| a + s),
+    ("albedo.vol", |(a, s)| s / (a + s)),
+    ("sigma_a.vol", |(a, _)| a),
+    ("sigma_s.vol", |(_, s)| s),
+];
+/// Pixels along the longer side of the scene's picture.
+const PIXELS: usize = 256;
+
+/// Writes the material as a scene, `path`, and beside it in the same folder:
+///
+/// - `sigma_t.vol` and `albedo.vol`, which Mitsuba's heterogeneous medium takes, and `sigma_a.vol`
+///   and `sigma_s.vol` (σs') for others; coefficients per scene unit;
+/// - `render.py`, which renders the scene channel by channel;
+/// - `about.json`: units, the optical convention and the material's provenance.
+///
+/// The scene is the block, lit over all of its lit face and seen from the front; Mitsuba renders it
+/// as it is. Returns all files, the scene first.
 ///
 /// # Errors
 /// Another number of channels than 1 or 3; one of the files is there already and `overwrite`
 /// refuses; the system does. Nothing is written in the first two cases.
 pub fn export(
-    folder: &Path,
+    path: &Path,
     medium: &ScatteringMedium<'_>,
     overwrite: Overwrite,
 ) -> Result<Vec<PathBuf>, FileError> {
-    type Quantity = fn((f64, f64)) -> f64;
-    const VOLUMES: [(&str, Quantity); 4] = [
-        ("sigma_t.vol", |(a, s)| a + s),
-        ("albedo.vol", |(a, s)| s / (a + s)),
-        ("sigma_a.vol", |(a, _)| a),
-        ("sigma_s.vol", |(_, s)| s),
-    ];
-    let channels = medium.one_or_three(folder, "Mitsuba")?;
-    let files: Vec<PathBuf> = VOLUMES.iter().map(|(name, _)| folder.join(name)).collect();
+    let channels = medium.one_or_three(path, "Mitsuba")?;
+    let beside = |name: &str| path.with_file_name(name);
+    let [script, about_it] = ["render.py", ABOUT].map(beside);
+    let mut files = vec![path.to_owned(), script.clone(), about_it.clone()];
+    files.extend(VOLUMES.iter().map(|(name, _)| beside(name)));
     if overwrite == Overwrite::Refuse
         && let Some(path) = files.iter().find(|file| file.symlink_metadata().is_ok())
     {
         return Err(FileError::Exists { path: path.clone() });
     }
-    for (file, (_, quantity)) in files.iter().zip(VOLUMES) {
+    for (name, quantity) in VOLUMES {
         let value = |c, i| quantity(medium.sigma(c, i)) as f32;
-        GridVolume::of(medium, channels, value).write(file, overwrite)?;
+        GridVolume::of(medium, channels, value).write(&beside(name), overwrite)?;
     }
+    let text = |path: &Path, text: &str| {
+        atomic_write(path, overwrite, |file| file.write_all(text.as_bytes()))
+    };
+    let failed = |source| FileError::Io { path: about_it.clone(), action: "write", source };
+    let about = About::of(medium).json().map_err(failed)?;
+    text(&about_it, &about)?;
+    let scene_name = path.file_name().unwrap_or_default().to_string_lossy();
+    text(&script, &include_str!("render.py").replace("scene.xml", &scene_name))?;
+    text(path, &scene(medium, channels, &about).replace("scene.xml", &scene_name))?;
     Ok(files)
+}
+
+fn scene(medium: &ScatteringMedium<'_>, channels: usize, about: &str) -> String {
+    let [x, y, z] = medium.size();
+    let largest = x.max(y).max(z);
+    // Further from the face than the distance at which Mitsuba's rays start, 9e-5 (1 + |p|).
+    let gap = 1e-3 * (1.0 + largest);
+    let (lit, light_z, turn) = match medium.material().lit_face() {
+        Face::Back => ("back", -gap, ""),
+        Face::Front => ("front", z + gap, "\n            <rotate y=\"1\" angle=\"180\"/>"),
+    };
+    let eta = medium.material().optics().eta;
+    let surface = if eta > 1.0 {
+        format!(
+            "<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"{eta}\"/>\
+             <float name=\"ext_ior\" value=\"1\"/></bsdf>"
+        )
+    } else {
+        "<bsdf type=\"null\"/>".into()
+    };
+    let pixels = |side: f64| ((PIXELS as f64 * side / x.max(y)).round()).max(1.0).to_string();
+    filled(
+        include_str!("scene.xml"),
+        &[
+            ("LIT", lit.into()),
+            ("ABOUT", in_comment(about)),
+            ("NEAR", (1e-3 * largest).to_string()),
+            ("FAR", (10.0 * largest).to_string()),
+            ("EYE", (z + 2.0 * largest).to_string()),
+            ("HALF_X", (x / 2.0).to_string()),
+            ("HALF_Y", (y / 2.0).to_string()),
+            ("HALF_Z", (z / 2.0).to_string()),
+            ("SIZE_X", x.to_string()),
+            ("SIZE_Y", y.to_string()),
+            ("SIZE_Z", z.to_string()),
+            ("WIDTH", pixels(x)),
+            ("HEIGHT", pixels(y)),
+            ("TURN", turn.into()),
+            ("LIGHT_Z", light_z.to_string()),
+            ("SURFACE", surface),
+            ("SPECTRAL", (channels > 1).to_string()),
+        ],
+    )
 }
