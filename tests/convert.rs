@@ -6,12 +6,12 @@ use common::diaphane;
 use material::{Channel, Face, Grid, Material, Optics, Overwrite, Provenance};
 use std::path::Path;
 
-/// A block of wax, 20 × 20 × 8 mm, with one voxel that no medium has if `impossible`.
+/// A block of wax, 20 × 20 × 12 mm, with one voxel that no medium has if `impossible`.
 fn wax(path: &Path, impossible: bool) -> Material {
-    let grid = Grid::new([40, 40, 16], [0.5; 3]).unwrap();
+    let grid = Grid::new([40, 40, 24], [0.5; 3]).unwrap();
     let channel = |name: &str, mu: f32| Channel {
         name: name.into(),
-        kappa_mm: (0..grid.len()).map(|i| 0.2 + 1e-6 * i as f32).collect(),
+        kappa_mm: (0..grid.len()).map(|i| 0.25 + 1e-6 * i as f32).collect(),
         mu_per_mm: (0..grid.len())
             .map(|i| if impossible && i == 77 { 9.0 } else { mu + 1e-8 * i as f32 })
             .collect(),
@@ -64,19 +64,19 @@ fn info_tells_what_a_material_is_like() {
         assert_eq!(run.code, 0, "{}", run.stderr);
         let json = &run.json;
         assert_eq!(json["format"], name.split('.').nth(1).unwrap());
-        assert_eq!(json["cells"], serde_json::json!([40, 40, 16]));
+        assert_eq!(json["cells"], serde_json::json!([40, 40, 24]));
         let red = &json["channels"][0];
         assert_eq!(red["impossible_voxels"], 1);
-        assert_eq!(red["impossible_share"].as_f64().unwrap(), 1.0 / 25600.0);
-        // 3κ = 0.6 mm and a little; 8 mm are 13 mean free paths; one voxel of 25,600 absorbs 9/mm.
+        assert_eq!(red["impossible_share"].as_f64().unwrap(), 1.0 / 38400.0);
+        // 3κ is 0.75 to 0.87 mm; 12 mm are 15 mean free paths; one voxel of 38,400 absorbs 9/mm.
         let number = |name: &str| red[name].as_f64().unwrap();
-        assert!((number("mean_free_path_mm") - 0.638).abs() < 1e-3, "{red}");
-        assert!((red["mean_free_path_voxels"][2].as_f64().unwrap() - 1.277).abs() < 1e-3);
-        assert!((number("optical_thickness") - 12.5).abs() < 0.1, "{red}");
-        assert!((number("albedo") - 0.9991).abs() < 2e-4, "{red}");
+        assert!((number("mean_free_path_mm") - 0.8076).abs() < 1e-3, "{red}");
+        assert!((red["mean_free_path_voxels"][2].as_f64().unwrap() - 1.6152).abs() < 1e-3);
+        assert!((number("optical_thickness") - 14.9).abs() < 0.1, "{red}");
+        assert!((number("albedo") - 0.99885).abs() < 2e-4, "{red}");
         assert_eq!(red["diffusion_holds"], true, "{red}");
         assert_eq!(red["mu_per_mm"]["max"], 9.0);
-        for part in ["40 × 40 × 16 voxels", "▁", "3κμ > 1): 1 (", "transport", "model holds"]
+        for part in ["40 × 40 × 24 voxels", "▁", "3κμ > 1): 1 (", "transport", "model holds"]
         {
             assert!(run.stderr.contains(part), "{part}: {}", run.stderr);
         }
@@ -104,7 +104,7 @@ fn impossible_voxels_are_clamped_only_when_told() {
         let run = diaphane(&args);
         assert_eq!(run.code, 2, "{}", run.stderr);
         assert!(
-            run.stderr.contains("3 of 76800") && run.stderr.contains("--clamp"),
+            run.stderr.contains("3 of 115200") && run.stderr.contains("--clamp"),
             "{}",
             run.stderr
         );

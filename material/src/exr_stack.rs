@@ -22,18 +22,6 @@ const HEADER: &str = "diaphane_header";
 /// No more samples than this for each byte of a file: what zip can do at best, in bytes of f32.
 const MOST_SAMPLES_A_BYTE: usize = 1032 / 4;
 
-/// JSON in ASCII, which is what the format's texts hold.
-fn escaped(json: &str) -> String {
-    let mut out = String::with_capacity(json.len());
-    for unit in json.encode_utf16() {
-        match u8::try_from(unit) {
-            Ok(byte) if byte.is_ascii() => out.push(char::from(byte)),
-            _ => out.push_str(&format!("\\u{unit:04x}")),
-        }
-    }
-    out
-}
-
 /// A layer's name.
 fn layer(coefficient: &str, slice: usize) -> String {
     format!("{coefficient}_z{slice:03}")
@@ -65,8 +53,7 @@ pub fn write(path: &Path, material: &Material, overwrite: Overwrite) -> Result<(
     let encoding = Encoding { line_order: LineOrder::Increasing, ..Encoding::FAST_LOSSLESS };
     let mut image = Image::from_encoded_channels((nx, ny), encoding, AnyChannels::sort(channels));
     let failed = |source| FileError::Io { path: path.into(), action: "write", source };
-    let header = serde_json::to_string(&Header::of(material)).map_err(|e| failed(e.into()))?;
-    let header = escaped(&header);
+    let header = Header::of(material).ascii().map_err(failed)?;
     // The only attribute of its map: others would be written in a random order.
     let header = AttributeValue::Text(Text::from(header.as_str()));
     image.layer_data.attributes.other.insert(Text::from(HEADER), header);

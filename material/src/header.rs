@@ -32,6 +32,19 @@ impl Header {
             provenance: material.provenance().clone(),
         }
     }
+
+    /// As JSON in ASCII, for formats and programs that lose all other letters.
+    pub(crate) fn ascii(&self) -> std::io::Result<String> {
+        let json = serde_json::to_string(self)?;
+        let mut out = String::with_capacity(json.len());
+        for unit in json.encode_utf16() {
+            match u8::try_from(unit) {
+                Ok(byte) if byte.is_ascii() => out.push(char::from(byte)),
+                _ => out.push_str(&format!("\\u{unit:04x}")),
+            }
+        }
+        Ok(out)
+    }
 }
 
 /// What goes along with a renderer's format, where it has a place for text.

@@ -101,7 +101,7 @@ fn head(
     for (key, value) in keys {
         writeln!(out, "{key}:={value}")?;
     }
-    let header = serde_json::to_string(&Header::of(material))?;
+    let header = Header::of(material).ascii()?;
     // The format's own escapes; there are no line breaks in it.
     writeln!(out, "{HEADER}:={}\n", header.replace('\\', "\\\\"))
 }

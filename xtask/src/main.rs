@@ -72,6 +72,7 @@ fn demo(flags: &[String]) -> Result<(), Stop> {
 
 /// Counterparts of the devices' protocols, in the versions that the tests were written against.
 const PEERS: &[&str] = &[
+    "OpenEXR==3.5.3",
     "aiopjlink==1.0.5",
     // It brings a virtual camera.
     "gphoto2==2.6.4",
@@ -80,6 +81,7 @@ const PEERS: &[&str] = &[
     "mitsuba==3.9.1",
     "numpy",
     "pillow",
+    "pynrrd==1.1.3",
     "pypjlink2==1.2.2",
     "zaber-motion==10.3.0",
 ];
