@@ -10,3 +10,15 @@ pub fn parse(name: &str, bytes: &[u8]) {
     }
     panic!("no parser {name}");
 }
+
+/// Feeds `bytes` to the reader of materials of that name.
+pub fn read(name: &str, bytes: &[u8]) {
+    for (found, reader) in material::readers() {
+        if found == name {
+            // Whether they are a material is not asked here.
+            let _ = reader(bytes);
+            return;
+        }
+    }
+    panic!("no reader {name}");
+}

@@ -4,10 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use material::{
-    Channel, Face, Grid, Impossible, Material, Optics, Overwrite, Provenance, ScatteringMedium,
-    SceneUnit, mitsuba, vdb,
-};
+use material::{Channel, Conversion, Face, Format, Grid, Material, Optics, Overwrite, Provenance};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -45,18 +42,24 @@ fn bytes(folder: &Path) -> u64 {
 
 fn exports(criterion: &mut Criterion) {
     let material = slab();
-    let here = Path::new("slab");
-    let medium =
-        ScatteringMedium::of(&material, SceneUnit::Millimetre, Impossible::Refuse, here).unwrap();
-    type Write<'a> = Box<dyn Fn(&Path) + 'a>;
-    let formats: [(&str, Write); 3] = [
-        ("vdb", Box::new(|f| vdb::write(&f.join("m.vdb"), &medium, Overwrite::Refuse).unwrap())),
-        ("mitsuba", Box::new(|f| drop(mitsuba::export(f, &medium, Overwrite::Refuse).unwrap()))),
-        ("npz", Box::new(|f| material.write_npz(&f.join("m.npz"), Overwrite::Refuse).unwrap())),
+    let formats = [
+        Format::Vdb,
+        Format::Mitsuba,
+        Format::Pbrt,
+        Format::Nrrd,
+        Format::Exr,
+        Format::Npz,
+        Format::Gltf,
+        Format::OpenPbr,
     ];
-    let all = |folder: &Path| formats.iter().for_each(|(_, write)| write(folder));
+    let write = |format: Format, folder: &Path| {
+        let path = folder.join("m").with_extension(format.ending());
+        format.write(&path, &material, Conversion::default(), Overwrite::Refuse).unwrap();
+    };
+    let all = |folder: &Path| formats.iter().for_each(|format| write(*format, folder));
     let mut group = criterion.benchmark_group("export");
-    group.sample_size(10).measurement_time(Duration::from_secs(10));
+    group.sample_size(10).warm_up_time(Duration::from_secs(1));
+    group.measurement_time(Duration::from_secs(5));
     let mut run = |name: &str, write: &dyn Fn(&Path)| {
         group.bench_function(name, |b| {
             b.iter_batched_ref(
@@ -69,8 +72,15 @@ fn exports(criterion: &mut Criterion) {
         write(folder.path());
         println!("export/{name}: {:.1} MB", bytes(folder.path()) as f64 / 1e6);
     };
-    formats.iter().for_each(|(name, write)| run(name, &**write));
+    formats.iter().for_each(|format| run(format.ending(), &|folder| write(*format, folder)));
     run("all", &all);
+    println!("most memory: {}", peak().unwrap_or_else(|| "unknown".into()));
+}
+
+/// The most memory that the process ever had, as Linux tells it.
+fn peak() -> Option<String> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    status.lines().find_map(|line| Some(line.strip_prefix("VmHWM:")?.trim().to_owned()))
 }
 
 criterion_group!(benches, exports);

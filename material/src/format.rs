@@ -4,10 +4,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use crate::mitsuba::GridVolume;
+use crate::npz::NpzReader;
 use crate::reading::Reading;
 use crate::{
     FileError, Impossible, Material, Overwrite, ScatteringMedium, SceneUnit, exr_stack, gltf,
-    mitsuba, nrrd, openpbr, pbrt, vdb,
+    mitsuba, native, nrrd, openpbr, pbrt, vdb,
 };
 
 /// A kind of file that a material goes into or comes out of.
@@ -176,4 +178,22 @@ impl Format {
         }
         Ok(Written { files: vec![path.into()], clamped: 0 })
     }
+}
+
+/// A reader over bytes, which says nothing but whether they are a file of its format.
+type BytesReader = fn(&[u8]) -> Result<(), FileError>;
+
+/// Every reader by its name, for whoever feeds them noise.
+pub fn readers() -> [(&'static str, BytesReader); 6] {
+    [
+        ("native", |bytes| native::parse(bytes, Path::new("noise")).map(drop)),
+        ("npz", |bytes| {
+            let path = Path::new("noise");
+            Material::of_npz(NpzReader::of_bytes(bytes.to_vec(), path)?, path).map(drop)
+        }),
+        ("vdb", |bytes| vdb::read(bytes, Path::new("noise")).map(drop)),
+        ("nrrd", |bytes| nrrd::read(bytes, Path::new("noise")).map(drop)),
+        ("exr", |bytes| exr_stack::read(bytes, Path::new("noise")).map(drop)),
+        ("vol", |bytes| GridVolume::parse(bytes, Path::new("noise")).map(drop)),
+    ]
 }

@@ -108,7 +108,7 @@ fn little_endian(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-fn parse(bytes: &[u8], path: &Path) -> Result<Material, FileError> {
+pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Material, FileError> {
     let magic = &bytes[..bytes.len().min(MAGIC.len())];
     if magic != MAGIC {
         return Err(FileError::OtherFormat {

@@ -83,7 +83,10 @@ impl GridVolume {
     /// The file cannot be read, is something else than a version 3 float32 volume, or has
     /// another size than its header says.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let bytes = std::fs::read(path).map_err(FileError::reading(path))?;
+        Self::parse(&std::fs::read(path).map_err(FileError::reading(path))?, path)
+    }
+
+    pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Self, FileError> {
         let other = |found: String| FileError::OtherFormat {
             path: path.into(),
             expected: "a Mitsuba .vol file, version 3, float32",

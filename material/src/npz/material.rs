@@ -38,7 +38,10 @@ impl Material {
     /// the header says, `spacing_mm`, `gain`, `eta` or `C` disagree with the header, or the
     /// values are not a material's.
     pub fn read_npz(path: &Path) -> Result<Self, FileError> {
-        let mut npz = NpzReader::open(path)?;
+        Self::of_npz(NpzReader::open(path)?, path)
+    }
+
+    pub(crate) fn of_npz(mut npz: NpzReader, path: &Path) -> Result<Self, FileError> {
         let header: Header = serde_json::from_str(&npz.text("header")?).map_err(|e| {
             FileError::malformed(path, format!("array \"header\" cannot be understood: {e}"))
         })?;

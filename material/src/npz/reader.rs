@@ -1,7 +1,7 @@
 //! Reading arrays out of an archive that need not be honest.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use super::Kind;
@@ -26,9 +26,16 @@ pub struct Array {
 /// really hold.
 pub struct NpzReader {
     path: PathBuf,
-    archive: zip::ZipArchive<BufReader<File>>,
+    /// Bytes of the whole archive.
+    size: u64,
+    archive: zip::ZipArchive<Box<dyn Source>>,
     names: Vec<String>,
 }
+
+/// A file, or its bytes.
+trait Source: Read + Seek + Send {}
+
+impl<T: Read + Seek + Send> Source for T {}
 
 impl NpzReader {
     /// Opens the archive and reads its directory.
@@ -37,14 +44,25 @@ impl NpzReader {
     /// The file cannot be read, or is no zip archive or a truncated one.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let file = File::open(path).map_err(FileError::reading(path))?;
-        let archive = zip::ZipArchive::new(BufReader::new(file)).map_err(|e| {
+        let size = file.metadata().map_err(FileError::reading(path))?.len();
+        Self::new(Box::new(BufReader::new(file)), size, path)
+    }
+
+    /// The archive that these bytes are; `path` is for messages.
+    pub(crate) fn of_bytes(bytes: Vec<u8>, path: &Path) -> Result<Self, FileError> {
+        let size = bytes.len() as u64;
+        Self::new(Box::new(Cursor::new(bytes)), size, path)
+    }
+
+    fn new(source: Box<dyn Source>, size: u64, path: &Path) -> Result<Self, FileError> {
+        let archive = zip::ZipArchive::new(source).map_err(|e| {
             FileError::malformed(path, format!("expected a whole .npz archive: {e}"))
         })?;
         let names = archive
             .file_names()
             .filter_map(|name| name.ok()?.strip_suffix(".npy").map(str::to_owned))
             .collect();
-        Ok(Self { path: path.into(), archive, names })
+        Ok(Self { path: path.into(), size, archive, names })
     }
 
     /// Where the archive is.
@@ -147,8 +165,7 @@ impl NpzReader {
             name: name.into(),
             available: self.names.clone(),
         })?;
-        let file_size =
-            std::fs::metadata(&self.path).map_err(FileError::reading(&self.path))?.len();
+        let file_size = self.size;
         let mut entry = self.archive.by_index(index).map_err(|e| malformed(e.to_string()))?;
         let possible = entry.compressed_size().min(file_size).saturating_mul(MOST_COMPRESSION);
         let limit = entry.size().min(possible);
