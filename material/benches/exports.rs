@@ -1,10 +1,12 @@
 //! Every export of a material of 256 × 256 × 20 voxels and three channels, and their sizes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
-use material::{Channel, Conversion, Face, Format, Grid, Material, Optics, Overwrite, Provenance};
+use material::{
+    Channel, Conversion, Face, Format, Grid, Material, Optics, Overwrite, Provenance, write_all,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -56,7 +58,11 @@ fn exports(criterion: &mut Criterion) {
         let path = folder.join("m").with_extension(format.ending());
         format.write(&path, &material, Conversion::default(), Overwrite::Refuse).unwrap();
     };
-    let all = |folder: &Path| formats.iter().for_each(|format| write(*format, folder));
+    let all = |folder: &Path| {
+        let path = |format: &Format| folder.join("m").with_extension(format.ending());
+        let paths: Vec<PathBuf> = formats.iter().map(path).collect();
+        write_all(&paths, &material, Conversion::default(), Overwrite::Refuse).unwrap();
+    };
     let mut group = criterion.benchmark_group("export");
     group.sample_size(10).warm_up_time(Duration::from_secs(1));
     group.measurement_time(Duration::from_secs(5));

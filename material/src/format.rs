@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
 use crate::mitsuba::GridVolume;
 use crate::npz::NpzReader;
 use crate::reading::Reading;
@@ -178,6 +180,28 @@ impl Format {
         }
         Ok(Written { files: vec![path.into()], clamped: 0 })
     }
+}
+
+/// Writes a material in several formats at once, by the endings of the names, and returns what was
+/// written in the order of `paths`. Each file is whole or not there; where one cannot be written
+/// the others may be.
+///
+/// # Errors
+/// The first in the order of `paths` that [`Format::to_write`] or [`Format::write`] reports.
+pub fn write_all(
+    paths: &[PathBuf],
+    material: &Material,
+    conversion: Conversion,
+    overwrite: Overwrite,
+) -> Result<Vec<Written>, FileError> {
+    let formats = paths.iter().map(|path| Format::to_write(path));
+    let formats: Vec<Format> = formats.collect::<Result<_, _>>()?;
+    let all: Vec<Result<Written, FileError>> = formats
+        .par_iter()
+        .zip(paths)
+        .map(|(format, path)| format.write(path, material, conversion, overwrite))
+        .collect();
+    all.into_iter().collect()
 }
 
 /// A reader over bytes, which says nothing but whether they are a file of its format.

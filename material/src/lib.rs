@@ -27,7 +27,7 @@ mod volume;
 pub use atomic::{Overwrite, Unfinished, atomic_copy, atomic_write};
 pub use average::Average;
 pub use file_error::FileError;
-pub use format::{Conversion, Format, Written, readers};
+pub use format::{Conversion, Format, Written, readers, write_all};
 pub use grid::{Grid, GridError};
 pub use optics::{
     BoundaryConvention, Face, Illumination, LateralBoundary, Optics, boundary_constant,

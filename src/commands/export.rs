@@ -6,8 +6,8 @@ use crate::output::{Done, counted};
 use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
 use material::{
-    Conversion, FileError, Format, Impossible, Input, Overwrite, ScatteringMedium, SceneUnit,
-    hash_file, nrrd,
+    Conversion, FileError, Impossible, Input, Overwrite, ScatteringMedium, SceneUnit, hash_file,
+    nrrd, write_all,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -113,8 +113,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     Ok(Done::new(json!({ "files": files }), lines.join("\n")))
 }
 
-/// Files of an export that is done, the last one last; Mitsuba's volumes come with its scene.
-const FILES: [&str; 8] = [
+/// What is written before [`NPZ`]; Mitsuba's volumes come with its scene.
+const FILES: [&str; 7] = [
     "material/export/material.vdb",
     "material/export/mitsuba/scene.xml",
     "material/export/material.pbrt",
@@ -122,7 +122,6 @@ const FILES: [&str; 8] = [
     "material/export/material.exr",
     "material/export/average.gltf",
     "material/export/average.mtlx",
-    NPZ,
 ];
 /// A single volume for viewers that know no more.
 const DENSITY: &str = "material/export/density.nrrd";
@@ -145,15 +144,14 @@ pub(crate) fn export(
     let folder = session.path("material/export");
     let medium =
         ScatteringMedium::of(&material, unit, impossible, &folder).map_err(may_be_clamped)?;
-    let mut files = Vec::new();
-    for name in FILES {
-        let path = session.result(name)?;
-        let format = Format::to_write(&path)?;
-        files.extend(format.write(&path, &material, conversion, overwrite)?.files);
-    }
-    let density = session.result(DENSITY)?;
+    let paths: Vec<PathBuf> =
+        FILES.iter().map(|name| session.result(name)).collect::<Result<_, Failure>>()?;
+    let written = write_all(&paths, &material, conversion, overwrite)?;
+    let mut files: Vec<PathBuf> = written.into_iter().flat_map(|written| written.files).collect();
+    let (density, npz) = (session.result(DENSITY)?, session.result(NPZ)?);
     nrrd::write_density(&density, &medium, overwrite)?;
-    files.push(density);
+    material.write_npz(&npz, overwrite)?;
+    files.extend([density, npz]);
     warn_of_clamped(medium.clamped());
     let record = Record::of(session, inputs, &files, medium.clamped())?;
     session.write_json(RECORD, &record, Overwrite::Replace)?;

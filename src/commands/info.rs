@@ -1,7 +1,7 @@
 //! `diaphane info`: what a material is like.
 
 use crate::Failure;
-use crate::output::Done;
+use crate::output::{Done, counted};
 use crate::regime::{self, Regime};
 use crate::statistics::Spread;
 use material::{
@@ -121,8 +121,8 @@ impl Info {
             number(optics.boundary_constant)
         )?;
         let made = &self.provenance;
-        let inputs = made.inputs.len();
-        writeln!(out, "made by {} {} from {inputs} inputs", made.software, made.version)?;
+        let by = format!("{} {}", made.software, made.version);
+        writeln!(out, "made by {} from {}", by.trim_end(), counted(made.inputs.len(), "input"))?;
         self.assumed.iter().try_for_each(|line| writeln!(out, "not told, assumed: {line}"))?;
         for channel in &self.channels {
             channel.text(&mut out)?;
