@@ -1,6 +1,6 @@
 """Opens an exported block in Blender, lit from behind, and renders it.
 
-    blender --background --python blender_open.py -- material.vdb block.png [SAMPLES]
+    blender --background --python blender_open.py -- material.vdb block.png [SAMPLES [PIXELS]]
 
 Works in any unit that the file was exported in. From Blender 4.5 on, Volume Coefficients takes
 absorption and scattering as they are; before that, Principled Volume takes density and colour, which
@@ -8,13 +8,15 @@ gives every colour the extinction of the densest one.
 """
 
 import math
+import re
 import sys
 
 import bpy
 
 arguments = sys.argv[sys.argv.index("--") + 1 :]
 path, picture = arguments[:2]
-samples = int(arguments[2]) if len(arguments) > 2 else 256
+samples = int(arguments[2]) if len(arguments) > 2 else 64
+pixels = int(arguments[3]) if len(arguments) > 3 else 128
 
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
@@ -23,12 +25,11 @@ block = bpy.context.object
 grids = block.data.grids
 grids.load()
 names = [grid.name for grid in grids]
-# Two voxels around the block are there for interpolation; the block itself is what is left.
-low = [min(corner[axis] for corner in block.bound_box) for axis in range(3)]
-high = [max(corner[axis] for corner in block.bound_box) for axis in range(3)]
+# Active voxels go on around the block, for interpolation; its own are told in the file's metadata.
+with open(path, "rb") as file:
+    told = re.search(rb'"cells":\[(\d+),(\d+),(\d+)\]', file.read(1 << 20))
 matrix = grids["density"].matrix_object
-margin = [2 * matrix[axis][axis] for axis in range(3)]
-x, y, z = (high[axis] - low[axis] - 2 * margin[axis] for axis in range(3))
+x, y, z = (int(cells) * matrix[axis][axis] for axis, cells in enumerate(told.groups()))
 
 material = bpy.data.materials.new("block")
 material.use_nodes = True
@@ -84,8 +85,8 @@ cycles.max_bounces = cycles.volume_bounces = cycles.transparent_max_bounces = 10
 cycles.min_light_bounces = 1024
 cycles.sample_clamp_indirect = 0
 cycles.volume_max_steps = 1024
-scene.render.resolution_x = max(1, round(512 * x / max(x, y)))
-scene.render.resolution_y = max(1, round(512 * y / max(x, y)))
+scene.render.resolution_x = max(1, round(pixels * x / max(x, y)))
+scene.render.resolution_y = max(1, round(pixels * y / max(x, y)))
 scene.render.film_transparent = True
 scene.render.filepath = picture
 bpy.ops.render.render(write_still=True)

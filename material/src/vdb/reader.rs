@@ -43,6 +43,8 @@ pub(super) struct Grid<'a> {
     tiles: Vec<Tile>,
     leaves: Vec<Leaf>,
     most_voxels: u64,
+    /// Used again for each leaf.
+    zlib: Decompress,
 }
 
 /// A part that has one value throughout.
@@ -150,6 +152,7 @@ impl<'a> VdbFile<'a> {
             tiles: Vec::new(),
             leaves: Vec::new(),
             most_voxels,
+            zlib: Decompress::new(true),
         };
         grid.topology()?;
         Ok(grid)
@@ -299,7 +302,11 @@ impl Grid<'_> {
             let packed = self.cursor.i64()?;
             let length = usize::try_from(packed.unsigned_abs()).unwrap_or(usize::MAX);
             let packed_bytes = self.cursor.take(length)?;
-            if packed > 0 { inflate(packed_bytes, 4 * count)? } else { packed_bytes.to_vec() }
+            if packed > 0 {
+                inflate(&mut self.zlib, packed_bytes, 4 * count)?
+            } else {
+                packed_bytes.to_vec()
+            }
         };
         if bytes.len() != 4 * count {
             return Err(format!("expected {} bytes of voxels, found {}", 4 * count, bytes.len()));
@@ -377,10 +384,10 @@ fn union(a: Region, b: Region) -> Region {
 }
 
 /// Exactly so many bytes out of a zlib stream.
-fn inflate(packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
+fn inflate(zlib: &mut Decompress, packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
     // One byte more, to notice a stream that goes on.
     let mut out = Vec::with_capacity(length + 1);
-    let mut zlib = Decompress::new(true);
+    zlib.reset(true);
     match zlib.decompress_vec(packed, &mut out, FlushDecompress::Finish) {
         Ok(Status::StreamEnd) => Ok(out),
         Ok(_) => Err(format!("expected {length} bytes of packed voxels, found others")),
