@@ -10,6 +10,7 @@ mod native;
 pub mod npz;
 mod optics;
 mod provenance;
+mod resolution;
 mod volume;
 
 pub use atomic::{Overwrite, Unfinished, atomic_copy, atomic_write};
@@ -20,4 +21,5 @@ pub use optics::{
     diffuse_reflectance, normal_reflectance, partial_current_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};
+pub use resolution::Resolution;
 pub use volume::{Channel, Coefficient, Material, MaterialError};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use material::{Channel, Face, Grid, Input, Material, Optics, Provenance};
+use material::{Channel, Face, Grid, Input, Material, Optics, Provenance, Resolution};
 
 pub fn sample(names: &[&str]) -> Material {
     let grid = Grid::new([5, 4, 3], [0.1, 0.25, 1.0 / 3.0]).unwrap();
@@ -26,4 +26,14 @@ pub fn sample(names: &[&str]) -> Material {
             .collect::<BTreeMap<_, _>>(),
     };
     Material::new(grid, channels, Optics::from_eta(1.0 / 0.7), Face::Back, provenance).unwrap()
+}
+
+/// The same with a resolution.
+#[allow(dead_code, reason = "not every format holds it")]
+pub fn resolved(names: &[&str]) -> Material {
+    let resolution = |c: usize| Resolution {
+        kappa_mm: (0..60).map(|i| 1.0 + 0.01 * i as f32 + c as f32).collect(),
+        mu_mm: (0..60).map(|i| if i < 50 { 5.0 + i as f32 } else { f32::INFINITY }).collect(),
+    };
+    sample(names).with_resolution((0..names.len()).map(resolution).collect()).unwrap()
 }

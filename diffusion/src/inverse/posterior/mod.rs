@@ -1,0 +1,206 @@
+//! How far the images determine κ and μ, voxel by voxel, and how far smoothness alone does.
+//!
+//! # What is asked
+//! Near its answer the objective is quadratic in u = (log κ, log μ). Times half the energy E of the
+//! images, its curvature is H + P: H = Jᵀ W J is the data's (Gauss–Newton; J the derivative of the
+//! images, W = 1/variance, so that H counts in units of one standard deviation), P = λ E · ½ ∂²R/∂u²
+//! the smoothness term's. Along a patch b, a bump of width ℓ around a voxel against its surroundings
+//! (`patch.rs`), the data have the curvature d = bᵀHb and the smoothness p = bᵀPb. Where d > p a
+//! patch of that width is there because of the images; where d < p, because of its neighbours. The
+//! *resolution* of a voxel is the smallest width with d ≥ p: finer detail comes from
+//! smoothness alone.
+//!
+//! Not the diagonals of H and P themselves: a voxel alone never changes images much, and how much
+//! depends on the voxels' size, so that their ratio says more about the grid than about the block.
+//! Nor 1/√d as a standard deviation: neighbours, and κ and μ, make up for each other.
+//!
+//! # What it bounds
+//! Of a true patch b the answer holds M b with M = (H + P)⁻¹H, the resolution matrix of Backus and
+//! Gilbert (1968), with everything free to make up for everything. Its share in b, ⟨b, Mb⟩/⟨b, b⟩ in
+//! P's scalar product, is a weighted mean of θ/(1 + θ) over the eigenvalues θ of P⁻¹H, while d/p is
+//! the same mean of θ: by Jensen's inequality that share is at most d/(d + p). So below the
+//! resolution at most half of a patch is the images'; above it, half or more *may* be. The
+//! figure is a lower bound: it tells for certain what is not determined.
+//!
+//! # How
+//! For a random z of ±1 on every pixel, E[(b · JᵀW^½z)²] = d (Hutchinson, 1990), with a relative
+//! standard deviation of at most √2. One z costs one adjoint solve of all patterns and serves all
+//! patches of both coefficients. d grows by about the fifth power of ℓ: of the error √(2/probes) of d
+//! a fifth or less remains in the resolution.
+
+mod patch;
+#[cfg(test)]
+mod tests;
+
+use super::{Inverse, InverseError, InverseSettings, Measurement, Method};
+use crate::{Batch, Forward, LinearSolver, Medium};
+use material::{Face, Grid, Optics};
+use patch::Patch;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Relative residual of the solves: their part in d stays far below that of the probing.
+const TOLERANCE: f64 = 1e-4;
+
+/// An inverse problem and what [`invert`](crate::invert) found.
+#[derive(Clone, Copy, Debug)]
+pub struct Solved<'a> {
+    /// The grid.
+    pub grid: &'a Grid,
+    /// The optical convention.
+    pub optics: &'a Optics,
+    /// The images.
+    pub measurement: &'a Measurement,
+    /// The settings.
+    pub settings: &'a InverseSettings,
+    /// κ, μ, gain and λ.
+    pub found: &'a Inverse,
+}
+
+/// The finest detail that the images determine, for every voxel.
+///
+/// The width of a patch at which the images say as much of it as the smoothness term does, between
+/// the largest edge of a cell and the shortest edge of the block, mm. Infinite where not even the
+/// latter is determined. It is a lower bound, good to about √(2/probes)/5.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Determination {
+    /// Of log κ, one value a voxel.
+    pub kappa_mm: Vec<f64>,
+    /// Of log μ.
+    pub mu_mm: Vec<f64>,
+}
+
+/// Curvatures along the patches of one width.
+struct Curvature {
+    width_mm: f64,
+    /// d of log κ and of log μ, one value a voxel.
+    data: [Vec<f64>; 2],
+    /// p, the same for both.
+    prior: Vec<f64>,
+}
+
+impl Solved<'_> {
+    /// How far the images determine the answer, from `probes` random vectors made from `seed`. (Any
+    /// solver does, wherever the answer was found.) `observer` is told probes done and in all, and
+    /// returns false to stop.
+    ///
+    /// None where no smoothness of log κ and log μ is at work that the images could be weighed
+    /// against: λ = 0, or the paper's method.
+    ///
+    /// # Errors
+    /// A solve fails, or `observer` returns false.
+    pub fn determination<S: LinearSolver>(
+        &self,
+        probes: usize,
+        seed: u64,
+        solver: &mut S,
+        observer: impl FnMut(usize, usize) -> bool,
+    ) -> Result<Option<Determination>, InverseError> {
+        if self.settings.method != Method::Lbfgs || self.found.lambda == 0.0 {
+            return Ok(None);
+        }
+        let curvatures = self.curvatures(probes, seed, solver, observer)?;
+        let of = |which: usize| {
+            (0..self.grid.len()).map(|i| resolution(&curvatures, which, i)).collect()
+        };
+        Ok(Some(Determination { kappa_mm: of(0), mu_mm: of(1) }))
+    }
+
+    /// Data's and smoothness's curvatures along all patches.
+    fn curvatures<S: LinearSolver>(
+        &self,
+        probes: usize,
+        seed: u64,
+        solver: &mut S,
+        mut observer: impl FnMut(usize, usize) -> bool,
+    ) -> Result<Vec<Curvature>, InverseError> {
+        let Solved { grid, optics, settings, found, .. } = *self;
+        let measurement = self.measurement.with_model_error(settings.model_error);
+        let medium = Medium::new(*grid, found.kappa_mm.clone(), found.mu_per_mm.clone())
+            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
+        let light = measurement.light();
+        let mut fluence = Batch::zeros(grid.len(), light.count());
+        let mut adjoint = Batch::zeros(grid.len(), light.count());
+        let mut forward = Forward::new(medium, optics, solver)?;
+        forward.solve(light, &mut fluence, TOLERANCE)?;
+
+        let sigma_inverse: Vec<Vec<f64>> =
+            measurement.weight().iter().map(|w| w.iter().map(|w| w.sqrt()).collect()).collect();
+        // What a fitted gain can make up for says nothing about κ and μ.
+        let gained = settings.free_gain.then(|| {
+            let images = forward.exit_radiance(light, &fluence, Face::Front);
+            maps(&images, &sigma_inverse, |l, s| l * s)
+        });
+
+        let patches = Patch::ladder(grid);
+        let energy = measurement.weighted_energy();
+        let mut curvatures: Vec<Curvature> = patches
+            .iter()
+            .map(|patch| Curvature {
+                width_mm: patch.width_mm,
+                data: [vec![0.0; grid.len()], vec![0.0; grid.len()]],
+                prior: patch.roughness().iter().map(|r| found.lambda * energy * r).collect(),
+            })
+            .collect();
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        for probe in 0..probes {
+            if !observer(probe, probes) {
+                return Err(InverseError::Interrupted);
+            }
+            let mut sign = || if random.random::<bool>() { 1.0 } else { -1.0 };
+            let mut z: Vec<Vec<f64>> =
+                sigma_inverse.iter().map(|map| map.iter().map(|_| sign()).collect()).collect();
+            if let Some(gained) = &gained {
+                let along = dot(gained, &z) / dot(gained, gained);
+                z = maps(&z, gained, |z, g| z - along * g);
+            }
+            let by_radiance = maps(&z, &sigma_inverse, |z, s| found.gain * z * s);
+            adjoint.clear();
+            let (gradient, _) =
+                forward.gradient(light, &fluence, &by_radiance, &mut adjoint, TOLERANCE)?;
+            let by_log = |by: &[f64], value: &[f64]| -> Vec<f64> {
+                by.iter().zip(value).map(|(g, v)| g * v).collect()
+            };
+            let by_logs = [
+                by_log(&gradient.by_kappa, &found.kappa_mm),
+                by_log(&gradient.by_mu, &found.mu_per_mm),
+            ];
+            for (patch, curvature) in patches.iter().zip(&mut curvatures) {
+                for (sum, by_log) in curvature.data.iter_mut().zip(&by_logs) {
+                    for (sum, product) in sum.iter_mut().zip(patch.products(by_log)) {
+                        *sum += product * product / probes as f64;
+                    }
+                }
+            }
+        }
+        Ok(curvatures)
+    }
+}
+
+/// The smallest width with d ≥ p; between two widths by the logarithms.
+fn resolution(curvatures: &[Curvature], which: usize, voxel: usize) -> f64 {
+    let mut before: Option<(f64, f64)> = None;
+    for curvature in curvatures {
+        let excess = (curvature.data[which][voxel] / curvature.prior[voxel]).ln();
+        let log_width = curvature.width_mm.ln();
+        if excess >= 0.0 {
+            return match before {
+                Some((width, lack)) if lack.is_finite() => {
+                    (width + (log_width - width) * lack / (lack - excess)).exp()
+                }
+                _ => curvature.width_mm,
+            };
+        }
+        before = Some((log_width, excess));
+    }
+    f64::INFINITY
+}
+
+fn maps(a: &[Vec<f64>], b: &[Vec<f64>], of: impl Fn(f64, f64) -> f64) -> Vec<Vec<f64>> {
+    let map = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| of(*a, *b)).collect();
+    a.iter().zip(b).map(map).collect()
+}
+
+fn dot(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum()
+}
