@@ -27,8 +27,8 @@ pub use gpu::{DeviceChoice, Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
     Determination, Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement,
-    MeasurementError, Method, Observer, Progress, Solved, Stage, Work, evaluate, evaluate_on_gpu,
-    invert, invert_on_gpu,
+    MeasurementError, Method, Observer, PROBING_TOLERANCE, Progress, Solved, Stage, Work, evaluate,
+    evaluate_on_gpu, invert, invert_on_gpu,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

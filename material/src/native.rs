@@ -97,7 +97,8 @@ impl Material {
         let length = self.grid().len() as u64;
         let mut offset = 0;
         let mut list = |channels: usize, coefficients: [Coefficient; 2]| {
-            let pairs = (0..channels).flat_map(|c| coefficients.map(|coefficient| (c, coefficient)));
+            let pairs =
+                (0..channels).flat_map(|c| coefficients.map(|coefficient| (c, coefficient)));
             let entry = |(channel, coefficient)| {
                 let entry = ArrayEntry { channel, coefficient, offset, length };
                 offset += length * 4;

@@ -39,8 +39,9 @@ use patch::Patch;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Relative residual of the solves: their part in d stays far below that of the probing.
-const TOLERANCE: f64 = 1e-4;
+/// Relative residual of the solves of [`Solved::determination`]: its part in d is far below that of
+/// the probing.
+pub const PROBING_TOLERANCE: f64 = 1e-4;
 
 /// An inverse problem and what [`invert`](crate::invert) found.
 #[derive(Clone, Copy, Debug)]
@@ -122,7 +123,7 @@ impl Solved<'_> {
         let mut fluence = Batch::zeros(grid.len(), light.count());
         let mut adjoint = Batch::zeros(grid.len(), light.count());
         let mut forward = Forward::new(medium, optics, solver)?;
-        forward.solve(light, &mut fluence, TOLERANCE)?;
+        forward.solve(light, &mut fluence, PROBING_TOLERANCE)?;
 
         let sigma_inverse: Vec<Vec<f64>> =
             measurement.weight().iter().map(|w| w.iter().map(|w| w.sqrt()).collect()).collect();
@@ -157,7 +158,7 @@ impl Solved<'_> {
             let by_radiance = maps(&z, &sigma_inverse, |z, s| found.gain * z * s);
             adjoint.clear();
             let (gradient, _) =
-                forward.gradient(light, &fluence, &by_radiance, &mut adjoint, TOLERANCE)?;
+                forward.gradient(light, &fluence, &by_radiance, &mut adjoint, PROBING_TOLERANCE)?;
             let by_log = |by: &[f64], value: &[f64]| -> Vec<f64> {
                 by.iter().zip(value).map(|(g, v)| g * v).collect()
             };

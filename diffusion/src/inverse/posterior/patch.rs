@@ -116,8 +116,7 @@ fn average_axis(block: &mut [f64], spans: &[Span], stride: usize) {
         let ((low, low_part), (high, high_part)) = (place(span.low), place(span.high));
         let scale = 1.0 / (span.high - span.low);
         for (k, out) in out.iter_mut().enumerate() {
-            let integral =
-                |at: usize, part: f64| sums[at] + part * (sums[at + stride] - sums[at]);
+            let integral = |at: usize, part: f64| sums[at] + part * (sums[at + stride] - sums[at]);
             *out = scale * (integral(high + k, high_part) - integral(low + k, low_part));
         }
     }

@@ -199,11 +199,8 @@ fn no_patch_comes_back_better_than_the_bound() {
     let case = Case::new([6, 4, 4], true, false);
     let n = case.grid.len();
     let [h, p] = case.hessians();
-    let sum: Vec<Vec<f64>> = h
-        .iter()
-        .zip(&p)
-        .map(|(h, p)| h.iter().zip(p).map(|(h, p)| h + p).collect())
-        .collect();
+    let sum: Vec<Vec<f64>> =
+        h.iter().zip(&p).map(|(h, p)| h.iter().zip(p).map(|(h, p)| h + p).collect()).collect();
     let (mut low, mut high) = (1.0f64, 0.0f64);
     for patch in Patch::ladder(&case.grid) {
         for which in 0..2 {
@@ -257,9 +254,8 @@ fn deeper_and_masked_means_coarser() {
     }
     assert_eq!(run(&case, SEED), map);
     let other = run(&case, SEED + 1);
-    let change = median(
-        map.kappa_mm.iter().zip(&other.kappa_mm).map(|(a, b)| (a / b).ln().abs()).collect(),
-    );
+    let change =
+        median(map.kappa_mm.iter().zip(&other.kappa_mm).map(|(a, b)| (a / b).ln().abs()).collect());
     eprintln!("median change with the seed {change:.3}");
     assert!(change < 0.1, "{change}");
 }
