@@ -45,6 +45,8 @@ pub(crate) fn map(
 pub(crate) struct ByDepth {
     /// Of each layer's middle, mm.
     pub depth_mm: Vec<f64>,
+    /// The largest detail that was looked at, the block's shortest edge, mm.
+    pub largest_mm: f64,
     pub channels: Vec<ChannelByDepth>,
 }
 
@@ -70,10 +72,11 @@ impl ByDepth {
             mu_mm: layers(&resolution.mu_mm),
         });
         let depth_mm = (0..grid.cells()[2]).map(|z| grid.centre_mm(0, 0, z)[2]).collect();
-        Some(Self { depth_mm, channels: channels.collect() })
+        let largest_mm = grid.size_mm().into_iter().fold(f64::INFINITY, f64::min);
+        Some(Self { depth_mm, largest_mm, channels: channels.collect() })
     }
 
-    /// A table of a few depths.
+    /// A table of a few depths, for people.
     pub fn table(&self) -> String {
         let column =
             |symbol: &str, c: &ChannelByDepth| format!("{:>8}", format!("{symbol} {}", c.channel));
@@ -91,7 +94,7 @@ impl ByDepth {
             let values = kappa.chain(self.channels.iter().map(|c| c.mu_mm.get(z)));
             let value = |v: Option<&Option<f64>>| match v.copied().flatten() {
                 Some(mm) => format!("{mm:8.2}"),
-                None => format!("{:>8}", "none"),
+                None => format!("{:>8}", format!("> {:.2}", self.largest_mm)),
             };
             out +=
                 &format!("{:7.2} mm{}\n", self.depth_mm[z], values.map(value).collect::<String>());
@@ -143,6 +146,6 @@ mod tests {
         let table = told.table();
         let rows: Vec<&str> = table.lines().skip(2).collect();
         assert_eq!(rows.len(), 6, "{table}");
-        assert!(rows[0].ends_with("1.00    none") && rows[5].ends_with("9.00    none"), "{table}");
+        assert!(rows[0].ends_with("1.00  > 1.00") && rows[5].ends_with("9.00  > 1.00"), "{table}");
     }
 }

@@ -36,8 +36,9 @@ pub(crate) fn resolution(material: &Material) -> Result<String, Failure> {
     let mut style = String::new();
     let mut out = "<h3>How far the images determine it</h3>\
         <p>The finest detail of κ and μ that the images say more about than the smoothness that was asked of \
-        them, in mm. What is finer than that, or grey (no detail smaller than the block is determined), was filled in \
-        smoothly from around it. It is a lower bound, since voxels, and κ and μ, can also make up for each other.</p>"
+        them, in mm: what is finer was filled in smoothly from around it. Grey: no detail up to the block's shortest \
+        edge is determined, though coarser changes and the mean may be. It is a lower bound, since voxels, and κ and μ, can also make up for each \
+        other. Charts show the median of each slice; speckle in the maps, some 7 %, is the estimate's own.</p>"
         .to_owned();
     for shown in &SHOWN {
         let values: Vec<Vec<f64>> = by_depth
@@ -61,7 +62,10 @@ pub(crate) fn resolution(material: &Material) -> Result<String, Failure> {
         out += &format!(
             "<h3>Finest detail of {} that the images determine, mm</h3>{}<div class=\"volumes\">",
             shown.symbol,
-            chart.unwrap_or_else(|| "<p>None in any slice.</p>".into())
+            chart.unwrap_or_else(|| format!(
+                "<p>None up to {:.2} mm, in the median of any slice.</p>",
+                by_depth.largest_mm
+            ))
         );
         for (n, (channel, map)) in by_depth.channels.iter().zip(maps).enumerate() {
             let class = format!("{}-resolution-{n}", shown.key);
