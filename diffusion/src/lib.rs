@@ -28,7 +28,7 @@ pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
     Determination, Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement,
     MeasurementError, Method, Observer, PROBING_TOLERANCE, Progress, Solved, Stage, Work, evaluate,
-    evaluate_on_gpu, invert, invert_on_gpu,
+    evaluate_on_gpu, invert, invert_on_gpu, widest_patch_mm,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

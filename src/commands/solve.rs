@@ -238,8 +238,12 @@ pub(crate) fn solve(
             gain: found.gain,
         });
     }
-    let mut material =
-        Material::new(grid, channels, optics, sample.lit_face, provenance(session, &settings)?)?;
+    let mut provenance = provenance(session, &settings)?;
+    if !resolutions.is_empty() {
+        let probes = format!("{} probes, seed {}", resolution::PROBES, resolution::SEED);
+        provenance.settings.insert("resolution".into(), probes);
+    }
+    let mut material = Material::new(grid, channels, optics, sample.lit_face, provenance)?;
     if !resolutions.is_empty() {
         material = material.with_resolution(resolutions)?;
     }
@@ -313,10 +317,6 @@ fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenanc
         ("model_error".to_owned(), settings.model_error.to_string()),
         ("max_evaluations".to_owned(), settings.max_evaluations.to_string()),
         ("tolerance".to_owned(), settings.tolerance.to_string()),
-        (
-            "resolution".to_owned(),
-            format!("{} probes, seed {}", resolution::PROBES, resolution::SEED),
-        ),
     ]);
     Ok(Provenance {
         software: "diaphane".into(),

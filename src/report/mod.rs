@@ -6,6 +6,7 @@ mod bar;
 mod calibration;
 mod chart;
 pub(crate) mod colour;
+mod depths;
 mod html;
 mod images;
 mod picture;

@@ -1,6 +1,6 @@
 //! Against matrices that are written out in full, on a grid of a hundred voxels.
 
-use super::patch::Patch;
+use super::patch::Ladder;
 use super::*;
 use crate::inverse::smoothness::squared_gradient;
 use crate::{CpuSolver, Illuminations, Lambda, Work};
@@ -65,7 +65,8 @@ impl Case {
 
     fn curvatures(&self, probes: usize, seed: u64) -> Vec<Curvature> {
         let mut solver = CpuSolver::<f64>::new();
-        self.solved().curvatures(probes, seed, &mut solver, |_, _| true).unwrap()
+        let ladder = Ladder::new(&self.grid);
+        self.solved().curvatures(&ladder, probes, seed, &mut solver, |_, _| true).unwrap()
     }
 
     /// Weighted images of (log κ, log μ); with a free gain, the part that no gain makes up for.
@@ -148,22 +149,51 @@ fn eliminated(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     b
 }
 
-/// The patch of a voxel, read off from its products with unit vectors, in log κ or log μ.
-fn patch_of(patch: &Patch, grid: &Grid, voxel: usize, which: usize) -> Vec<f64> {
-    let n = grid.len();
-    let mut b = vec![0.0; 2 * n];
-    for i in 0..n {
+/// The patch of every voxel for every width, read off from products with unit vectors.
+fn patches(grid: &Grid) -> Vec<Vec<Vec<f64>>> {
+    let (ladder, n) = (Ladder::new(grid), grid.len());
+    let mut out = vec![vec![vec![0.0; n]; n]; ladder.widths_mm().count()];
+    for j in 0..n {
         let mut unit = vec![0.0; n];
-        unit[i] = 1.0;
-        b[which * n + i] = patch.products(&unit)[voxel];
+        unit[j] = 1.0;
+        for (out, products) in out.iter_mut().zip(ladder.products(&unit)) {
+            out.iter_mut().zip(products).for_each(|(patch, value)| patch[j] = value);
+        }
     }
+    out
+}
+
+/// A patch in log κ (0) or in log μ (1), of both coefficients' unknowns.
+fn within(patch: &[f64], which: usize) -> Vec<f64> {
+    let mut b = vec![0.0; 2 * patch.len()];
+    b[which * patch.len()..][..patch.len()].copy_from_slice(patch);
     b
+}
+
+/// What is constant in each slice stays, up to the rounding of f32. Two averages over 2 mm, three cells and
+/// halves of two, take a voxel four cells to either side and no further.
+#[test]
+fn maps_are_averaged_within_slices() {
+    let grid = Grid::new([16, 16, 3], [0.5, 0.5, 1.0]).unwrap();
+    let ladder = Ladder::new(&grid);
+    assert_eq!(ladder.widths_mm().collect::<Vec<_>>(), [1.0, 2.0, 4.0]);
+    let slices: Vec<f32> = (0..grid.len()).map(|i| 1.0 + (i / 256) as f32).collect();
+    let mut averaged = slices.clone();
+    ladder.within_slices(1, &mut averaged);
+    assert!(averaged.iter().zip(&slices).all(|(a, b)| (a / b - 1.0).abs() < 1e-6));
+    let mut voxel = vec![0.0; grid.len()];
+    voxel[256 + 8 * 16 + 8] = 1.0;
+    ladder.within_slices(1, &mut voxel);
+    for (i, value) in voxel.iter().enumerate() {
+        let away = (i % 16).abs_diff(8).max((i / 16 % 16).abs_diff(8));
+        // (1/8)⁴ where both halves meet, far above rounding's dust.
+        assert_eq!(*value > 1e-6, i / 256 == 1 && away <= 4, "{i}: {value}");
+    }
 }
 
 /// Each d comes from 1500 products with Gaussian tails: its relative standard error is at most
 /// √(2/1500) = 3.7 %; of some 150 values, strongly correlated, the worst stays within 5 of them and the
-/// mean of all within 1 (what the solves' tolerance and the differences add is 1e-3). p has no noise:
-/// rounding.
+/// mean of all within 1 (what the solves' tolerance and the differences add is below 1 %).
 #[test]
 fn probing_gives_the_curvatures_of_the_written_out_matrices() {
     for (unmasked, free_gain) in [(true, false), (false, false), (true, true)] {
@@ -173,18 +203,18 @@ fn probing_gives_the_curvatures_of_the_written_out_matrices() {
         let (probes, mut sum, mut count) = (1500, 0.0, 0.0);
         let error = (2.0 / probes as f64).sqrt();
         let curvatures = case.curvatures(probes, SEED);
-        for (patch, curvature) in Patch::ladder(&case.grid).iter().zip(&curvatures) {
+        for (patches, curvature) in patches(&case.grid).iter().zip(&curvatures) {
             for which in 0..2 {
                 for i in (0..n).step_by(5) {
-                    let b = patch_of(patch, &case.grid, i, which);
+                    let [b, other] = [which, 1 - which].map(|which| within(&patches[i], which));
                     let smooth = scalar(&b, &times(&p, &b));
-                    assert!((curvature.prior[i] / smooth - 1.0).abs() < 1e-9, "{i}: {smooth}");
-                    let off = curvature.data[which][i] / scalar(&b, &times(&h, &b)) - 1.0;
+                    let data = [&b, &other].map(|b| scalar(b, &times(&h, b)) / smooth);
+                    let found = f64::from(curvature.data[which][i]);
+                    let off = found / data[0] - 1.0;
                     assert!(off.abs() < 5.0 * error, "{unmasked} {free_gain} {which} {i}: {off}");
-                    let other = patch_of(patch, &case.grid, i, 1 - which);
-                    let cross = scalar(&b, &times(&h, &other));
-                    let both = curvature.data[0][i] * curvature.data[1][i];
-                    let off_cross = (curvature.cross[i] - cross) / both.sqrt();
+                    let cross = scalar(&b, &times(&h, &other)) / smooth;
+                    let off_cross = f64::from(curvature.cross[i]) - cross;
+                    let off_cross = off_cross / (data[0] * data[1]).sqrt();
                     assert!(off_cross.abs() < 5.0 * error, "{which} {i}: {off_cross}");
                     sum += off;
                     count += 1.0;
@@ -207,15 +237,14 @@ fn no_patch_comes_back_better_than_the_bound() {
     let sum: Vec<Vec<f64>> =
         h.iter().zip(&p).map(|(h, p)| h.iter().zip(p).map(|(h, p)| h + p).collect()).collect();
     let (mut low, mut high) = (1.0f64, 0.0f64);
-    for patch in Patch::ladder(&case.grid) {
+    for patches in patches(&case.grid) {
         for which in 0..2 {
             for i in (0..n).step_by(7) {
-                let b = patch_of(&patch, &case.grid, i, which);
+                let [b, other] = [which, 1 - which].map(|which| within(&patches[i], which));
                 let held = eliminated(sum.clone(), times(&h, &b));
                 let roughness = times(&p, &b);
                 let prior = scalar(&b, &roughness);
                 let share = scalar(&held, &roughness) / prior;
-                let other = patch_of(&patch, &case.grid, i, 1 - which);
                 let d = |a: &[f64], b: &[f64]| scalar(a, &times(&h, b));
                 let data = d(&b, &b) - d(&b, &other).powi(2) / (d(&other, &other) + prior);
                 let bound = data / (data + prior);
@@ -235,8 +264,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// In a block that is lit and seen from the front, the finest detail of κ that is determined grows with
-/// depth, and under the masked half it is coarser than under the other. The same seed repeats it,
-/// another moves it by little: √(2/16) = 35 % in d' is, at a power of five, 7 % a voxel.
+/// depth, and under the masked half it is coarser than under the other. The same seed repeats it, the
+/// median change to the next one is that of two draws that are good to 15 % each: 0.67 · √2 · 15 %.
 #[test]
 fn deeper_and_masked_means_coarser() {
     let mut case = Case::new([12, 10, 10], false, false);
@@ -261,7 +290,7 @@ fn deeper_and_masked_means_coarser() {
     let change =
         median(map.kappa_mm.iter().zip(&other.kappa_mm).map(|(a, b)| (a / b).ln().abs()).collect());
     eprintln!("median change with the seed {change:.3}");
-    assert!(change < 0.1, "{change}");
+    assert!(change < 0.14, "{change}");
 }
 
 #[test]
@@ -286,16 +315,16 @@ fn without_smoothness_there_is_nothing_to_weigh_against() {
 fn what_is_not_determined_does_not_come_back() {
     let (grid, noise) = (Grid::new([16, 16, 8], [0.6, 0.6, 0.6]).unwrap(), 0.01);
     let n = grid.len();
-    let ladder = Patch::ladder(&grid);
+    let ladder = Ladder::new(&grid);
     let mut random = ChaCha8Rng::seed_from_u64(1);
     // As rough at every width as the smoothness term expects: squared steps alike.
     let mut rough = |middle: f64| -> Vec<f64> {
         let mut u = vec![middle.ln(); n];
-        for patch in &ladder {
+        for (k, width) in ladder.widths_mm().enumerate() {
             let noise: Vec<f64> = (0..n).map(|_| random.random_range(-1.0..1.0)).collect();
-            let change = patch.products(&noise);
+            let change = ladder.products(&noise).nth(k).unwrap();
             let rms = (scalar(&change, &change) / n as f64).sqrt();
-            let size = 0.25 * (grid.spacing_mm()[0] / patch.width_mm).sqrt();
+            let size = 0.25 * (grid.spacing_mm()[0] / width).sqrt();
             u.iter_mut().zip(change).for_each(|(u, c)| *u += size / rms * c);
         }
         u
@@ -327,7 +356,7 @@ fn what_is_not_determined_does_not_come_back() {
         settings: &settings,
         found: &found,
     };
-    let curvatures = solved.curvatures(16, SEED, &mut solver, |_, _| true).unwrap();
+    let curvatures = solved.curvatures(&ladder, 16, SEED, &mut solver, |_, _| true).unwrap();
     // ⟨b, truth⟩⟨b, answer⟩ and ⟨b, truth⟩² of κ in the smoothness term's own scalar product.
     let pressed = |u: &Vec<f64>| {
         let mut out = vec![0.0; n];
@@ -336,8 +365,8 @@ fn what_is_not_determined_does_not_come_back() {
     };
     let (true_u, found_u) = (pressed(&truth[0]), pressed(&answer));
     let (mut little, mut much) = ([0.0; 2], [0.0; 2]);
-    for (patch, curvature) in ladder.iter().zip(&curvatures) {
-        let (x, y) = (patch.products(&true_u), patch.products(&found_u));
+    let both = ladder.products(&true_u).zip(ladder.products(&found_u));
+    for ((x, y), curvature) in both.zip(&curvatures) {
         let square = scalar(&x, &x);
         for i in 0..n {
             let ratio = curvature.ratio(0, i);
