@@ -184,6 +184,9 @@ fn maps_are_averaged_within_slices() {
     let mut voxel = vec![0.0; grid.len()];
     voxel[256 + 8 * 16 + 8] = 1.0;
     ladder.within_slices(1, &mut voxel);
+    // What it keeps along each axis: three times a quarter and twice an eighth, squared and summed.
+    let kept: f32 = (3.0 * 0.0625 + 2.0 * 0.015625f32).powi(2);
+    assert!((voxel[256 + 8 * 16 + 8] / kept - 1.0).abs() < 1e-6);
     for (i, value) in voxel.iter().enumerate() {
         let away = (i % 16).abs_diff(8).max((i / 16 % 16).abs_diff(8));
         // (1/8)⁴ where both halves meet, far above rounding's dust.
