@@ -14,6 +14,7 @@ mod output;
 mod reading;
 mod regime;
 mod report;
+mod resolution;
 mod sensor;
 mod session;
 mod statistics;

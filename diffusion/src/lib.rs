@@ -26,8 +26,9 @@ pub use forward::Forward;
 pub use gpu::{DeviceChoice, Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
-    Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement, MeasurementError,
-    Method, Observer, Progress, Stage, Work, evaluate, evaluate_on_gpu, invert, invert_on_gpu,
+    Determination, Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement,
+    MeasurementError, Method, Observer, PROBING_TOLERANCE, Progress, Solved, Stage, Work, evaluate,
+    evaluate_on_gpu, invert, invert_on_gpu, widest_patch_mm,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

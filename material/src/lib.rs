@@ -19,6 +19,7 @@ mod optics;
 pub mod pbrt;
 mod provenance;
 mod reading;
+mod resolution;
 mod scattering;
 mod template;
 pub mod vdb;
@@ -35,6 +36,7 @@ pub use optics::{
 };
 pub use provenance::{Input, Provenance, hash_file};
 pub use reading::Reading;
+pub use resolution::Resolution;
 pub use scattering::{
     Impossible, ScatteringMedium, SceneUnit, absorption_and_scattering, diffusion_and_absorption,
     impossible_values,

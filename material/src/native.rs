@@ -6,7 +6,7 @@
 //! | 4 | u32, version of the format: 1 |
 //! | 4 | u32, length of the header in bytes, a multiple of 8 |
 //! | … | the header, JSON in UTF-8, padded with spaces |
-//! | … | f32 arrays, channel by channel, κ before μ |
+//! | … | f32 arrays, channel by channel, κ before μ; then, if there is one, the resolution likewise |
 //! | 32 | BLAKE3 of everything before it |
 //!
 //! All numbers are little-endian.
@@ -17,7 +17,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::header::Header;
-use crate::{Channel, Coefficient, FileError, Material, Overwrite, atomic_write};
+use crate::{Channel, Coefficient, FileError, Material, Overwrite, Resolution, atomic_write};
 
 const MAGIC: &[u8; 8] = b"DIAPHANE";
 const VERSION: u32 = 1;
@@ -30,6 +30,9 @@ struct NativeHeader {
     #[serde(flatten)]
     material: Header,
     arrays: Vec<ArrayEntry>,
+    /// A list of its own, which readers that do not know it leave alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    resolution: Vec<ArrayEntry>,
 }
 
 /// One array of f32 in the order of the grid.
@@ -69,6 +72,10 @@ impl Material {
                 put(&little_endian(&channel.kappa_mm))?;
                 put(&little_endian(&channel.mu_per_mm))?;
             }
+            for resolution in self.resolution().unwrap_or_default() {
+                put(&little_endian(&resolution.kappa_mm))?;
+                put(&little_endian(&resolution.mu_mm))?;
+            }
             file.write_all(hasher.finalize().as_bytes())
         })
     }
@@ -88,15 +95,23 @@ impl Material {
 
     fn native_header(&self) -> Result<Vec<u8>, serde_json::Error> {
         let length = self.grid().len() as u64;
-        let arrays = (0..self.channels().len())
-            .flat_map(|channel| [(channel, Coefficient::Kappa), (channel, Coefficient::Mu)])
-            .enumerate()
-            .map(|(i, (channel, coefficient))| {
-                let offset = i as u64 * length * 4;
-                ArrayEntry { channel, coefficient, offset, length }
-            })
-            .collect();
-        let header = NativeHeader { material: Header::of(self), arrays };
+        let mut offset = 0;
+        let mut list = |channels: usize, coefficients: [Coefficient; 2]| {
+            let pairs =
+                (0..channels).flat_map(|c| coefficients.map(|coefficient| (c, coefficient)));
+            let entry = |(channel, coefficient)| {
+                let entry = ArrayEntry { channel, coefficient, offset, length };
+                offset += length * 4;
+                entry
+            };
+            pairs.map(entry).collect::<Vec<_>>()
+        };
+        let arrays = list(self.channels().len(), [Coefficient::Kappa, Coefficient::Mu]);
+        let resolution = list(
+            self.resolution().map_or(0, <[_]>::len),
+            [Coefficient::KappaResolution, Coefficient::MuResolution],
+        );
+        let header = NativeHeader { material: Header::of(self), arrays, resolution };
         let mut header = serde_json::to_vec(&header)?;
         // Arrays start at a multiple of 8, so that a reader may map the file and use them in place.
         header.resize(header.len().next_multiple_of(8), b' ');
@@ -174,23 +189,21 @@ pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Material, FileError> {
 fn expected_size(bytes: &[u8], header_length: usize) -> Option<u64> {
     let header = bytes.get(PREAMBLE..PREAMBLE.checked_add(header_length)?)?;
     let header: NativeHeader = serde_json::from_slice(header).ok()?;
-    let ends = header.arrays.iter().map(|a| a.length.checked_mul(4)?.checked_add(a.offset));
+    let arrays = header.arrays.iter().chain(&header.resolution);
+    let ends = arrays.map(|a| a.length.checked_mul(4)?.checked_add(a.offset));
     let data = ends.collect::<Option<Vec<_>>>()?.into_iter().max()?;
     data.checked_add((PREAMBLE + header_length + HASH) as u64)
 }
 
 fn assemble(header: NativeHeader, data: &[u8], path: &Path) -> Result<Material, FileError> {
     let array = |channel: usize, coefficient: Coefficient| {
-        let entry = header
-            .arrays
-            .iter()
+        let listed = || header.arrays.iter().chain(&header.resolution);
+        let entry = listed()
             .find(|a| a.channel == channel && a.coefficient == coefficient)
             .ok_or_else(|| FileError::MissingArray {
                 path: path.into(),
                 name: format!("{coefficient} of channel {channel}"),
-                available: header
-                    .arrays
-                    .iter()
+                available: listed()
                     .map(|a| format!("{} of channel {}", a.coefficient, a.channel))
                     .collect(),
             })?;
@@ -220,8 +233,23 @@ fn assemble(header: NativeHeader, data: &[u8], path: &Path) -> Result<Material, 
                 gain: c.gain,
             })
         })
-        .collect::<Result<_, FileError>>()?;
+        .collect::<Result<Vec<_>, FileError>>()?;
+    let resolution = if header.resolution.is_empty() {
+        None
+    } else {
+        let of = |i: usize| {
+            Ok(Resolution {
+                kappa_mm: array(i, Coefficient::KappaResolution)?,
+                mu_mm: array(i, Coefficient::MuResolution)?,
+            })
+        };
+        Some((0..channels.len()).map(of).collect::<Result<_, FileError>>()?)
+    };
     let Header { grid, optics, lit_face, provenance, .. } = header.material;
     Material::new(grid, channels, optics, lit_face, provenance)
+        .and_then(|material| match resolution {
+            Some(resolution) => material.with_resolution(resolution),
+            None => Ok(material),
+        })
         .map_err(|source| FileError::NotAMaterial { path: path.into(), source })
 }

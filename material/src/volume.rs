@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Face, Grid, Optics, Provenance};
+use crate::{Face, Grid, Optics, Provenance, Resolution};
 
 /// κ and μ of every voxel of a block, per colour channel, with everything that is needed
 /// to relight it: the grid, the optical convention and the face that was lit.
@@ -16,6 +16,7 @@ pub struct Material {
     optics: Optics,
     lit_face: Face,
     provenance: Provenance,
+    resolution: Option<Vec<Resolution>>,
 }
 
 /// The coefficients in one colour channel.
@@ -39,6 +40,20 @@ pub enum Coefficient {
     Kappa,
     /// Absorption, 1/mm.
     Mu,
+    /// Finest detail of κ that the images determine, mm.
+    KappaResolution,
+    /// The same of μ.
+    MuResolution,
+}
+
+impl Coefficient {
+    /// What its values have to be, in words, and whether one is.
+    fn requirement(self) -> (&'static str, fn(f32) -> bool) {
+        match self {
+            Self::Kappa | Self::Mu => ("positive and finite", |v| v.is_finite() && v > 0.0),
+            Self::KappaResolution | Self::MuResolution => ("positive", |v| v > 0.0),
+        }
+    }
 }
 
 impl std::fmt::Display for Coefficient {
@@ -46,6 +61,8 @@ impl std::fmt::Display for Coefficient {
         f.write_str(match self {
             Coefficient::Kappa => "kappa",
             Coefficient::Mu => "mu",
+            Coefficient::KappaResolution => "resolution of kappa",
+            Coefficient::MuResolution => "resolution of mu",
         })
     }
 }
@@ -71,11 +88,10 @@ pub enum MaterialError {
         /// Length of the array.
         found: usize,
     },
-    /// A coefficient that is zero, negative or not a number.
+    /// A value that is zero, negative or not a number.
     #[error(
-        "channel {channel}: {coefficient} must be positive and finite, found {value} in voxel \
-         ({}, {}, {}) (index {index})",
-        voxel[0], voxel[1], voxel[2]
+        "channel {channel}: {coefficient} must be {}, found {value} in voxel ({}, {}, {}) (index {index})",
+        coefficient.requirement().0, voxel[0], voxel[1], voxel[2]
     )]
     BadValue {
         /// Channel name.
@@ -96,6 +112,14 @@ pub enum MaterialError {
         channel: String,
         /// The value found.
         value: f64,
+    },
+    /// Not one resolution a channel.
+    #[error("a material of {expected} channels needs as many resolutions, found {found}")]
+    ResolutionCount {
+        /// Channels.
+        expected: usize,
+        /// Resolutions given.
+        found: usize,
     },
     /// An impossible refractive index.
     #[error("the refractive index must be at least 1 and finite, found {0}")]
@@ -138,7 +162,24 @@ impl Material {
             check(&grid, channel, Coefficient::Kappa, &channel.kappa_mm)?;
             check(&grid, channel, Coefficient::Mu, &channel.mu_per_mm)?;
         }
-        Ok(Self { grid, channels, optics, lit_face, provenance })
+        Ok(Self { grid, channels, optics, lit_face, provenance, resolution: None })
+    }
+
+    /// The same material with how far its images determine it, one for each channel.
+    ///
+    /// # Errors
+    /// Not one for each channel, an array whose length is not `grid.len()`, or a value that is not
+    /// positive.
+    pub fn with_resolution(self, resolution: Vec<Resolution>) -> Result<Self, MaterialError> {
+        let (expected, found) = (self.channels.len(), resolution.len());
+        if expected != found {
+            return Err(MaterialError::ResolutionCount { expected, found });
+        }
+        for (channel, resolution) in self.channels.iter().zip(&resolution) {
+            check(&self.grid, channel, Coefficient::KappaResolution, &resolution.kappa_mm)?;
+            check(&self.grid, channel, Coefficient::MuResolution, &resolution.mu_mm)?;
+        }
+        Ok(Self { resolution: Some(resolution), ..self })
     }
 
     /// The voxel grid.
@@ -154,6 +195,11 @@ impl Material {
     /// The channel of that name.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
         self.channels.iter().find(|channel| channel.name == name)
+    }
+
+    /// How far the images determine each channel; None where nobody has looked.
+    pub fn resolution(&self) -> Option<&[Resolution]> {
+        self.resolution.as_deref()
     }
 
     /// The optical convention that the coefficients hold under.
@@ -188,7 +234,8 @@ fn check(
             found,
         });
     }
-    match values.iter().position(|&v| !(v.is_finite() && v > 0.0)) {
+    let (_, good) = coefficient.requirement();
+    match values.iter().position(|&v| !good(v)) {
         None => Ok(()),
         Some(index) => {
             let [nx, ny, _] = grid.cells();
@@ -237,5 +284,20 @@ mod tests {
         says(&|c, _| c.clear(), &["channel"]);
         says(&|_, o| o.eta = 0.9, &["0.9"]);
         says(&|_, o| o.boundary_constant = f64::NAN, &["C", "NaN"]);
+    }
+    #[test]
+    fn a_bad_resolution_is_named() {
+        let fine = Resolution { kappa_mm: vec![f32::INFINITY; 24], mu_mm: vec![0.5; 24] };
+        let says = |resolution: Vec<Resolution>, part: &str| {
+            let error = build(|_, _| ()).unwrap().with_resolution(resolution).unwrap_err();
+            assert!(error.to_string().contains(part), "{error} does not say {part:?}");
+        };
+        assert!(build(|_, _| ()).unwrap().with_resolution(vec![fine.clone(); 2]).is_ok());
+        says(vec![fine.clone()], "2 channels");
+        let mut bad = fine.clone();
+        bad.mu_mm[5] = f32::NAN;
+        says(vec![fine.clone(), bad], "G: resolution of mu must be positive, found NaN");
+        let short = Resolution { kappa_mm: vec![1.0; 3], ..fine.clone() };
+        says(vec![short, fine], "R: resolution of kappa needs one value a voxel (24), found 3");
     }
 }

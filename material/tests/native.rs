@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::sample;
+use common::{resolved, sample};
 use material::{FileError, Material, Overwrite};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -34,6 +34,38 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
 fn what_is_written_comes_back() {
     let (_folder, path, _) = written();
     assert_eq!(Material::load(&path).unwrap(), sample(&["R", "G", "B"]));
+}
+
+/// With a resolution the arrays that every reader knows stand where they stood, and their list is as
+/// it was: a reader of before skips what it does not know.
+#[test]
+fn a_resolution_goes_along_and_disturbs_nobody() {
+    let (_folder, path, plain) = written();
+    let material = resolved(&["R", "G", "B"]);
+    material.save(&path, Overwrite::Replace).unwrap();
+    assert_eq!(Material::load(&path).unwrap(), material);
+    let bytes = std::fs::read(&path).unwrap();
+    let open = |bytes: &[u8]| {
+        let header = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let json: serde_json::Value = serde_json::from_slice(&bytes[16..16 + header]).unwrap();
+        (json, bytes[16 + header..bytes.len() - 32].to_vec())
+    };
+    let ((before, old), (after, new)) = (open(&plain), open(&bytes));
+    assert_eq!((&after["arrays"], before.get("resolution")), (&before["arrays"], None));
+    assert_eq!(old, new[..old.len()]);
+    assert_eq!(new.len(), 2 * old.len());
+    let last = &after["resolution"][5];
+    assert_eq!((&last["coefficient"], &last["channel"]), (&"mu-resolution".into(), &2.into()));
+    let error = load(&path, &bytes[..bytes.len() - 100]).unwrap_err();
+    assert!(matches!(error, FileError::WrongSize { .. }), "{error}");
+    // A list that lacks an array is a damaged file, not a material without: the second entry says
+    // that it is μ's own, not μ's resolution.
+    let name = b"\"mu-resolution\"";
+    let at = bytes.windows(name.len()).position(|w| w == name).unwrap();
+    let mut other = bytes.clone();
+    other[at..at + name.len()].copy_from_slice(b"\"mu\"           ");
+    let error = load(&path, &sealed(other)).unwrap_err();
+    assert!(error.to_string().contains("resolution of mu"), "{error}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod common;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use common::sample;
+use common::{resolved, sample};
 use material::npz::{self, NpzReader};
 use material::{FileError, Material, Overwrite};
 use rand::{RngExt, SeedableRng};
@@ -40,6 +40,16 @@ fn a_material_round_trips() {
     assert_eq!(npz.array_f64("kappa").unwrap().shape, [3, 3, 4, 5]);
     assert_eq!(npz.scalar("eta").unwrap(), 1.0 / 0.7);
     assert_eq!(npz.shaped("spacing_mm", &[3]).unwrap(), [0.1, 0.25, 1.0 / 3.0]);
+}
+
+#[test]
+fn a_resolution_round_trips() {
+    let (_folder, path) = folder();
+    let material = resolved(&["R", "G"]);
+    material.write_npz(&path, Overwrite::Refuse).unwrap();
+    assert_eq!(Material::read_npz(&path).unwrap(), material);
+    let mut npz = NpzReader::open(&path).unwrap();
+    assert_eq!(npz.array_f64("mu_resolution_mm").unwrap().shape, [2, 3, 4, 5]);
 }
 
 #[test]

@@ -6,12 +6,13 @@ use crate::cli::STOP;
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
 use crate::regime;
+use crate::resolution::{self, ByDepth};
 use crate::session::Session;
 use crate::steps::next_line;
 use clap::ValueEnum;
 use diffusion::{
     CpuSolver, DeviceChoice, Illuminations, Inverse, InverseError, InverseSettings, Lambda,
-    Measurement, Method, Stage, invert, invert_on_gpu,
+    Measurement, Method, Solved, Stage, invert, invert_on_gpu,
 };
 use material::{Channel, Input, Material, Overwrite, Provenance};
 use serde::{Deserialize, Serialize};
@@ -134,7 +135,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     if let Some(cut_off) = result.cut_off() {
         text += &format!("warning: {cut_off}; solve again with more\n");
     }
-    let doubts = regime::warnings(&Material::load(&session.path(MATERIAL))?);
+    let material = Material::load(&session.path(MATERIAL))?;
+    let by_depth = ByDepth::of(&material);
+    by_depth.iter().for_each(|by_depth| text += &by_depth.table());
+    let doubts = regime::warnings(&material);
     doubts.iter().for_each(|doubt| text += &format!("{doubt}\n"));
     let sum =
         |pick: fn(&ChannelConvergence) -> usize| result.channels.iter().map(pick).sum::<usize>();
@@ -158,6 +162,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "material": session.path(MATERIAL),
         "channels": result.channels,
         "model_warnings": doubts,
+        "resolution": by_depth,
     });
     Ok(Done::new(json, text))
 }
@@ -181,7 +186,7 @@ pub(crate) fn solve(
 
     let gpu = options.device.gpu()?;
     let mut solver = CpuSolver::<f32>::new();
-    let (mut channels, mut reports) = (Vec::new(), Vec::new());
+    let (mut channels, mut reports, mut resolutions) = (Vec::new(), Vec::new(), Vec::new());
     let (mut misfit, mut energy) = (0.0, 0.0);
     for (c, name) in measured.channels.iter().enumerate() {
         let radiance: Vec<Vec<f64>> = fitted.iter().map(|p| p.radiance[c].clone()).collect();
@@ -214,6 +219,14 @@ pub(crate) fn solve(
             other => other.into(),
         })?;
         progress.finish(&format!("fit {:.2e}, λ {:.1e}", found.fit, found.lambda));
+        let solved = Solved {
+            grid: &grid,
+            optics: &optics,
+            measurement: &measurement,
+            settings: &settings,
+            found: &found,
+        };
+        resolutions.extend(resolution::map(name, &solved, &options.device)?);
         misfit += found.fit * measurement.energy();
         energy += measurement.energy();
         reports.push(convergence(name, &found, settings.max_evaluations));
@@ -225,8 +238,15 @@ pub(crate) fn solve(
             gain: found.gain,
         });
     }
-    let material =
-        Material::new(grid, channels, optics, sample.lit_face, provenance(session, &settings)?)?;
+    let mut provenance = provenance(session, &settings)?;
+    if !resolutions.is_empty() {
+        let probes = format!("{} probes, seed {}", resolution::PROBES, resolution::SEED);
+        provenance.settings.insert("resolution".into(), probes);
+    }
+    let mut material = Material::new(grid, channels, optics, sample.lit_face, provenance)?;
+    if !resolutions.is_empty() {
+        material = material.with_resolution(resolutions)?;
+    }
     let seconds = started.elapsed().as_secs_f64();
     let device = gpu.map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
     let result = Convergence { seconds, fit: misfit / energy, device, channels: reports };

@@ -6,10 +6,12 @@ mod bar;
 mod calibration;
 mod chart;
 pub(crate) mod colour;
+mod depths;
 mod html;
 mod images;
 mod picture;
 mod provenance;
+mod resolution;
 mod verdict;
 mod volumes;
 
@@ -89,7 +91,8 @@ pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failu
         body += &section("Does the light add up?", &table);
     }
     if let Some(material) = &found.material {
-        body += &section("Inside the material", &volumes::volumes(material)?);
+        let inside = volumes::volumes(material)? + &resolution::resolution(material)?;
+        body += &section("Inside the material", &inside);
     }
     if let Some(convergence) = &found.convergence {
         body += &section("How the solve went", &converged(convergence));

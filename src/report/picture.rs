@@ -45,15 +45,18 @@ pub(crate) fn signed(
     data_uri(cells, &pixels)
 }
 
-/// All slices of a volume below each other, in logarithmic colours over `range`.
+/// All slices of a volume below each other, in logarithmic colours over `range`; grey where infinite.
 pub(crate) fn slices(
     [nx, ny, nz]: [usize; 3],
     values: &[f32],
     range: [f64; 2],
 ) -> Result<String, Failure> {
     let [low, high] = range.map(f64::ln);
-    let pixels: Vec<_> =
-        values.iter().map(|v| sequential((f64::from(*v).ln() - low) / (high - low))).collect();
+    let pixel = |v: &f32| match f64::from(*v) {
+        f64::INFINITY => MASKED,
+        v => sequential((v.ln() - low) / (high - low)),
+    };
+    let pixels: Vec<_> = values.iter().map(pixel).collect();
     data_uri([nx, ny * nz], &pixels)
 }
 

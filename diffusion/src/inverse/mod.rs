@@ -7,6 +7,7 @@ mod lbfgs;
 mod measurement;
 mod objective;
 mod paper;
+mod posterior;
 mod smoothness;
 mod volume;
 mod work;
@@ -15,6 +16,7 @@ pub(crate) use data_term::WithSolver;
 pub use evaluate::{Evaluation, evaluate, evaluate_on_gpu};
 pub use measurement::{Measurement, MeasurementError};
 pub(crate) use objective::{Device, Misfit, Objective, Problem, RANGE, Vector};
+pub use posterior::{Determination, PROBING_TOLERANCE, Solved, widest_patch_mm};
 pub(crate) use smoothness::step_weights;
 pub use work::Work;
 

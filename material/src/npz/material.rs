@@ -4,13 +4,17 @@ use std::path::Path;
 
 use super::{NpzReader, write};
 use crate::header::Header;
-use crate::{Channel, FileError, Material, Overwrite};
+use crate::{Channel, FileError, Material, Overwrite, Resolution};
+
+/// Names of the arrays that only a material with a resolution has.
+const RESOLUTION: [&str; 2] = ["kappa_resolution_mm", "mu_resolution_mm"];
 
 impl Material {
     /// Writes the material for NumPy: `kappa` (mm) and `mu` (1/mm) as float32 of shape
     /// (channels, nz, ny, nx); `names` (channels); `gain` (channels); `spacing_mm` (hx, hy,
     /// hz); scalars `eta` and `C`; and `header`, a JSON text with these and the rest
-    /// (boundary convention, lit face, provenance).
+    /// (boundary convention, lit face, provenance). Where it is known, the resolution of both in the
+    /// shape of `kappa`.
     ///
     /// # Errors
     /// The file is there already and `overwrite` refuses, or the system does.
@@ -21,6 +25,12 @@ impl Material {
         write(path, overwrite, |npz| {
             npz.parts_f32("kappa", &shape, channels.iter().map(|c| c.kappa_mm.as_slice()))?;
             npz.parts_f32("mu", &shape, channels.iter().map(|c| c.mu_per_mm.as_slice()))?;
+            if let Some(resolution) = self.resolution() {
+                let [kappa, mu] = RESOLUTION;
+                let of_kappa = resolution.iter().map(|r| r.kappa_mm.as_slice());
+                npz.parts_f32(kappa, &shape, of_kappa)?;
+                npz.parts_f32(mu, &shape, resolution.iter().map(|r| r.mu_mm.as_slice()))?;
+            }
             let names: Vec<&str> = channels.iter().map(|c| c.name.as_str()).collect();
             npz.texts("names", &names)?;
             for (name, shape, values) in summary(&Header::of(self)) {
@@ -57,12 +67,20 @@ impl Material {
         let [nx, ny, nz] = header.grid.cells();
         let voxels = header.grid.len();
         let shape = [header.channels.len(), nz, ny, nx];
+        let known = RESOLUTION.iter().any(|name| npz.contains(name));
         let mut volumes = |name: &str| {
             let values = npz.shaped(name, &shape)?;
             let volume = |volume: &[f64]| volume.iter().map(|&v| v as f32).collect::<Vec<f32>>();
             Ok::<_, FileError>(values.chunks_exact(voxels).map(volume).collect::<Vec<_>>())
         };
         let (kappa, mu) = (volumes("kappa")?, volumes("mu")?);
+        let resolution = if known {
+            let (kappa, mu) = (volumes(RESOLUTION[0])?, volumes(RESOLUTION[1])?);
+            let pairs = kappa.into_iter().zip(mu);
+            Some(pairs.map(|(kappa_mm, mu_mm)| Resolution { kappa_mm, mu_mm }).collect())
+        } else {
+            None
+        };
         let channels = header.channels.into_iter().zip(kappa).zip(mu);
         let channels = channels.map(|((channel, kappa_mm), mu_per_mm)| Channel {
             name: channel.name,
@@ -72,6 +90,10 @@ impl Material {
         });
         let channels = channels.collect();
         Material::new(header.grid, channels, header.optics, header.lit_face, header.provenance)
+            .and_then(|material| match resolution {
+                Some(resolution) => material.with_resolution(resolution),
+                None => Ok(material),
+            })
             .map_err(|source| FileError::NotAMaterial { path: path.into(), source })
     }
 }

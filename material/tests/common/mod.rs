@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use material::{
-    Channel, Face, Grid, Impossible, Input, Material, Optics, Provenance, ScatteringMedium,
-    SceneUnit,
+    Channel, Face, Grid, Impossible, Input, Material, Optics, Provenance, Resolution,
+    ScatteringMedium, SceneUnit,
 };
 
 pub fn sample(names: &[&str]) -> Material {
@@ -37,6 +37,16 @@ pub fn with_grid(grid: Grid, names: &[&str]) -> Material {
             .collect::<BTreeMap<_, _>>(),
     };
     Material::new(grid, channels, Optics::from_eta(1.0 / 0.7), Face::Back, provenance).unwrap()
+}
+
+/// The same with a resolution.
+#[allow(dead_code, reason = "not every format holds it")]
+pub fn resolved(names: &[&str]) -> Material {
+    let resolution = |c: usize| Resolution {
+        kappa_mm: (0..60).map(|i| 1.0 + 0.01 * i as f32 + c as f32).collect(),
+        mu_mm: (0..60).map(|i| if i < 50 { 5.0 + i as f32 } else { f32::INFINITY }).collect(),
+    };
+    sample(names).with_resolution((0..names.len()).map(resolution).collect()).unwrap()
 }
 
 /// A material as a renderer takes it; none of its voxels is impossible.
