@@ -5,6 +5,7 @@ mod average;
 pub mod cli;
 mod commands;
 mod compute;
+mod conversion;
 mod devices;
 mod exposures;
 mod failure;

@@ -34,7 +34,8 @@ pub(crate) struct Regime {
     /// Between free sides; infinite where no light leaves through them.
     width: f64,
     /// Longest edge of a cell.
-    pub cell: f64,
+    cell: f64,
+    lit_face: Face,
 }
 
 impl Regime {
@@ -52,6 +53,7 @@ impl Regime {
             thickness: thickness * extinction,
             width: if free { width.min(height) * extinction } else { f64::INFINITY },
             cell: cell * extinction,
+            lit_face: material.lit_face(),
         }
     }
 
@@ -65,6 +67,35 @@ impl Regime {
             along(row) * (1.0 - down) + along(row + 1) * down
         };
         (read(&SCALE), read(&RMS))
+    }
+
+    /// What may be off about a channel of that name, under whatever convention; None where nothing is.
+    pub fn warning(&self, channel: &str) -> Option<String> {
+        let (scale, rms) = self.errors();
+        let mut out = Vec::new();
+        if scale > GOAL.0 || rms > GOAL.1 {
+            out.push(format!(
+                "about {:.0} % in brightness and {:.0} % root mean square at {:.0} mean free paths and albedo {:.3}",
+                100.0 * scale,
+                100.0 * rms,
+                self.thickness,
+                1.0 - self.absorption
+            ));
+        }
+        if self.width < WIDTH {
+            out.push(format!(
+                "more where free sides are only {:.0} mean free paths apart",
+                self.width
+            ));
+        }
+        if self.cell > CELL {
+            out.push(format!("more for cells of {:.1} mean free paths", self.cell));
+        }
+        if self.lit_face == Face::Front {
+            out.push("10 to 40 % in brightness next to light on the front face".into());
+        }
+        (!out.is_empty())
+            .then(|| format!("{channel}: the diffusion model may be off by {}", out.join("; ")))
     }
 }
 
@@ -83,37 +114,11 @@ pub(crate) fn warnings(material: &Material) -> Vec<String> {
     if material.optics().boundary != BoundaryConvention::Transport {
         return Vec::new();
     }
-    material.channels().iter().filter_map(|channel| warning(material, channel)).collect()
-}
-
-/// The same for one channel, whatever the convention.
-pub(crate) fn warning(material: &Material, channel: &material::Channel) -> Option<String> {
-    let regime = Regime::of(material, channel);
-    let (scale, rms) = regime.errors();
-    let mut out = Vec::new();
-    if scale > GOAL.0 || rms > GOAL.1 {
-        out.push(format!(
-            "about {:.0} % in brightness and {:.0} % root mean square at {:.0} mean free paths and albedo {:.3}",
-            100.0 * scale,
-            100.0 * rms,
-            regime.thickness,
-            1.0 - regime.absorption
-        ));
-    }
-    if regime.width < WIDTH {
-        out.push(format!(
-            "more where free sides are only {:.0} mean free paths apart",
-            regime.width
-        ));
-    }
-    if regime.cell > CELL {
-        out.push(format!("more for cells of {:.1} mean free paths", regime.cell));
-    }
-    if material.lit_face() == Face::Front {
-        out.push("10 to 40 % in brightness next to light on the front face".into());
-    }
-    (!out.is_empty())
-        .then(|| format!("{}: the diffusion model may be off by {}", channel.name, out.join("; ")))
+    material
+        .channels()
+        .iter()
+        .filter_map(|channel| Regime::of(material, channel).warning(&channel.name))
+        .collect()
 }
 
 #[cfg(test)]
@@ -134,22 +139,24 @@ mod tests {
         Material::new(grid, vec![channel], optics, lit, Provenance::default()).unwrap()
     }
 
+    /// A block of that albedo and thickness, back lit, with nothing else to be wary of.
+    fn regime(absorption: f64, thickness: f64) -> Regime {
+        Regime { absorption, thickness, width: 40.0, cell: 0.5, lit_face: Face::Back }
+    }
+
     /// On the study's own points its own figures, and between them something between.
     #[test]
     fn the_table_is_read_where_it_was_measured() {
         for (row, absorption) in ABSORPTION.into_iter().enumerate() {
             for (column, thickness) in THICKNESS.into_iter().enumerate() {
-                let regime = Regime { absorption, thickness, width: 40.0, cell: 0.5 };
-                let (scale, rms) = regime.errors();
+                let (scale, rms) = regime(absorption, thickness).errors();
                 assert!((scale - SCALE[row][column]).abs() < 1e-12, "{row} {column}: {scale}");
                 assert!((rms - RMS[row][column]).abs() < 1e-12, "{row} {column}: {rms}");
             }
         }
-        let between = Regime { absorption: 0.03, thickness: 30.0, width: 40.0, cell: 0.5 };
-        let (scale, _) = between.errors();
+        let (scale, _) = regime(0.03, 30.0).errors();
         assert!(scale > SCALE[2][2] && scale < SCALE[3][3], "{scale}");
-        let beyond = Regime { absorption: 1e-9, thickness: 1e4, width: 40.0, cell: 0.5 };
-        assert_eq!(beyond.errors(), (SCALE[0][3], RMS[0][3]));
+        assert_eq!(regime(1e-9, 1e4).errors(), (SCALE[0][3], RMS[0][3]));
     }
 
     #[test]

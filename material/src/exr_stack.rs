@@ -13,12 +13,10 @@ use exr::prelude::{
     ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read as exr_read,
 };
 
-use crate::header::Header;
+use crate::header::{Header, KEY};
 use crate::reading::{Known, Reading};
 use crate::{FileError, Grid, Material, Overwrite, atomic_write};
 
-/// Name of the attribute that holds the material without its voxels, as JSON.
-const HEADER: &str = "diaphane_header";
 /// No more samples than this for each byte of a file: what zip can do at best, in bytes of f32.
 const MOST_SAMPLES_A_BYTE: usize = 1032 / 4;
 
@@ -56,7 +54,7 @@ pub fn write(path: &Path, material: &Material, overwrite: Overwrite) -> Result<(
     let header = Header::of(material).ascii().map_err(failed)?;
     // The only attribute of its map: others would be written in a random order.
     let header = AttributeValue::Text(Text::from(header.as_str()));
-    image.layer_data.attributes.other.insert(Text::from(HEADER), header);
+    image.layer_data.attributes.other.insert(Text::from(KEY), header);
     atomic_write(path, overwrite, |out| {
         image.write().to_buffered(out).map_err(|error| std::io::Error::other(error.to_string()))
     })
@@ -96,8 +94,8 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
         .iter()
         .map(|channel| (channel.name.to_string(), &channel.sample_data))
         .collect();
-    let told = image.layer_data.attributes.other.get(&Text::from(HEADER));
-    let told = told.or_else(|| image.attributes.other.get(&Text::from(HEADER)));
+    let told = image.layer_data.attributes.other.get(&Text::from(KEY));
+    let told = told.or_else(|| image.attributes.other.get(&Text::from(KEY)));
     let known = match told {
         Some(AttributeValue::Text(json)) => Known::told(json.to_string().as_bytes()),
         _ => assumed([nx, ny], &planes),

@@ -108,6 +108,19 @@ pub enum FileError {
         /// What the format holds and what it was given.
         reason: String,
     },
+    /// The material has voxels that no scattering medium has, and they were to be refused.
+    #[error(
+        "{}: not written: {count} of {of} voxel values have 3κμ > 1, which needs negative scattering",
+        path.display()
+    )]
+    Impossible {
+        /// The file or folder.
+        path: PathBuf,
+        /// Voxels times channels with 3κμ > 1.
+        count: usize,
+        /// Voxels times channels.
+        of: usize,
+    },
     /// Well-formed, but not a material.
     #[error("{}: {source}", path.display())]
     NotAMaterial {

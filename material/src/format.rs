@@ -132,9 +132,17 @@ impl Format {
     /// # Errors
     /// Those of [`Format::to_read`] and of the format.
     pub fn read(path: &Path) -> Result<Reading, FileError> {
+        Self::to_read(path)?.load(path)
+    }
+
+    /// Reads a material from a file that [`to_read`](Self::to_read) says is of this format.
+    ///
+    /// # Errors
+    /// Those of the format.
+    pub fn load(self, path: &Path) -> Result<Reading, FileError> {
         let bytes = || std::fs::read(path).map_err(FileError::reading(path));
         let whole = |material| Reading { material, assumed: Vec::new() };
-        match Self::to_read(path)? {
+        match self {
             Self::Npz => Material::read_npz(path).map(whole),
             Self::Vdb => vdb::read(&bytes()?, path),
             Self::Nrrd => nrrd::read(&bytes()?, path),

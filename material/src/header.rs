@@ -1,8 +1,15 @@
-//! The part of a material that is not voxels, as JSON: shared by the native form and `.npz`.
+//! The part of a material that is not voxels, as JSON: shared by all formats.
+
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Channel, Face, Grid, Material, Optics, Provenance, ScatteringMedium};
+use crate::{
+    Channel, Face, FileError, Grid, Material, Optics, Provenance, Resolution, ScatteringMedium,
+};
+
+/// Its name where a format has named places for text.
+pub(crate) const KEY: &str = "diaphane_header";
 
 /// A material without its arrays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +38,31 @@ impl Header {
             lit_face: material.lit_face(),
             provenance: material.provenance().clone(),
         }
+    }
+
+    /// The material again, from κ and μ channel by channel in the sample's frame, and how far its
+    /// images determine it, where that is known; `path` is for messages.
+    pub(crate) fn material(
+        self,
+        kappa: Vec<Vec<f32>>,
+        mu: Vec<Vec<f32>>,
+        resolution: Option<Vec<Resolution>>,
+        path: &Path,
+    ) -> Result<Material, FileError> {
+        let Self { grid, channels, optics, lit_face, provenance } = self;
+        let channels = channels.into_iter().zip(kappa).zip(mu);
+        let channels = channels.map(|((channel, kappa_mm), mu_per_mm)| Channel {
+            name: channel.name,
+            kappa_mm,
+            mu_per_mm,
+            gain: channel.gain,
+        });
+        Material::new(grid, channels.collect(), optics, lit_face, provenance)
+            .and_then(|material| match resolution {
+                Some(resolution) => material.with_resolution(resolution),
+                None => Ok(material),
+            })
+            .map_err(|source| FileError::NotAMaterial { path: path.into(), source })
     }
 
     /// As JSON in ASCII, for formats and programs that lose all other letters.

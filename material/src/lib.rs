@@ -39,6 +39,6 @@ pub use reading::Reading;
 pub use resolution::Resolution;
 pub use scattering::{
     Impossible, ScatteringMedium, SceneUnit, absorption_and_scattering, diffusion_and_absorption,
-    impossible_values,
+    impossible_voxels,
 };
 pub use volume::{Channel, Coefficient, Material, MaterialError};

@@ -17,7 +17,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::header::Header;
-use crate::{Channel, Coefficient, FileError, Material, Overwrite, Resolution, atomic_write};
+use crate::{Coefficient, FileError, Material, Overwrite, Resolution, atomic_write};
 
 const MAGIC: &[u8; 8] = b"DIAPHANE";
 const VERSION: u32 = 1;
@@ -220,20 +220,11 @@ fn assemble(header: NativeHeader, data: &[u8], path: &Path) -> Result<Material, 
         let word = |b: &[u8; 4]| f32::from_le_bytes(*b);
         Ok::<_, FileError>(bytes.as_chunks::<4>().0.iter().map(word).collect())
     };
-    let channels = header
-        .material
-        .channels
-        .iter()
-        .enumerate()
-        .map(|(i, c)| {
-            Ok(Channel {
-                name: c.name.clone(),
-                kappa_mm: array(i, Coefficient::Kappa)?,
-                mu_per_mm: array(i, Coefficient::Mu)?,
-                gain: c.gain,
-            })
-        })
-        .collect::<Result<Vec<_>, FileError>>()?;
+    let channels = header.material.channels.len();
+    let volumes = |coefficient: Coefficient| {
+        (0..channels).map(|c| array(c, coefficient)).collect::<Result<Vec<_>, FileError>>()
+    };
+    let (kappa, mu) = (volumes(Coefficient::Kappa)?, volumes(Coefficient::Mu)?);
     let resolution = if header.resolution.is_empty() {
         None
     } else {
@@ -243,13 +234,7 @@ fn assemble(header: NativeHeader, data: &[u8], path: &Path) -> Result<Material, 
                 mu_mm: array(i, Coefficient::MuResolution)?,
             })
         };
-        Some((0..channels.len()).map(of).collect::<Result<_, FileError>>()?)
+        Some((0..channels).map(of).collect::<Result<_, FileError>>()?)
     };
-    let Header { grid, optics, lit_face, provenance, .. } = header.material;
-    Material::new(grid, channels, optics, lit_face, provenance)
-        .and_then(|material| match resolution {
-            Some(resolution) => material.with_resolution(resolution),
-            None => Ok(material),
-        })
-        .map_err(|source| FileError::NotAMaterial { path: path.into(), source })
+    header.material.material(kappa, mu, resolution, path)
 }

@@ -11,13 +11,11 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
-use crate::header::Header;
+use crate::header::{Header, KEY};
 use crate::reading::{Known, Reading};
 use crate::{FileError, Grid, Material, Overwrite, ScatteringMedium, atomic_write};
 
 const MAGIC: &str = "NRRD000";
-/// Key of the material without its voxels, as JSON.
-const HEADER: &str = "diaphane_header";
 /// Key of the names of what lies along the first axis.
 const COEFFICIENTS: &str = "coefficients";
 /// No header of ours is longer.
@@ -103,7 +101,7 @@ fn head(
     }
     let header = Header::of(material).ascii()?;
     // The format's own escapes; there are no line breaks in it.
-    writeln!(out, "{HEADER}:={}\n", header.replace('\\', "\\\\"))
+    writeln!(out, "{KEY}:={}\n", header.replace('\\', "\\\\"))
 }
 
 /// A header, taken apart.
@@ -225,7 +223,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
 
 fn known(head: &Head<'_>) -> Result<Known, String> {
     let [count, nx, ny, nz] = head.sizes()?;
-    if let Some(json) = head.keys.get(HEADER) {
+    if let Some(json) = head.keys.get(KEY) {
         let known = Known::told(json.replace("\\\\", "\\").as_bytes())?;
         let (cells, channels) = (known.header.grid.cells(), known.header.channels.len());
         if cells != [nx, ny, nz] || count < 2 * channels {

@@ -8,7 +8,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::header::About;
-use crate::template::filled;
+use crate::template::{filled, picture_size};
 use crate::{Face, FileError, Overwrite, ScatteringMedium, atomic_write};
 
 /// pbrt's grids fade to nothing in their outer half voxel: one more voxel, as at the edge, lies
@@ -123,7 +123,7 @@ fn values(
         eta if eta > 1.0 => format!("\"dielectric\" \"float eta\" {eta}"),
         _ => "\"interface\"".into(),
     };
-    let pixels = |side: f64| (256.0 * side / x.max(y)).round().max(1.0).to_string();
+    let [width, height] = picture_size(x, y);
     let margin = MARGIN as f64;
     vec![
         ("LIT", lit.into()),
@@ -131,8 +131,8 @@ fn values(
         ("CX", (x / 2.0).to_string()),
         ("CY", (y / 2.0).to_string()),
         ("EYE", (z + 2.0 * largest).to_string()),
-        ("WIDTH", pixels(x)),
-        ("HEIGHT", pixels(y)),
+        ("WIDTH", width),
+        ("HEIGHT", height),
         ("X", x.to_string()),
         ("Y", y.to_string()),
         ("Z", z.to_string()),

@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use crate::header::{ChannelHeader, Header};
-use crate::{
-    Channel, Face, FileError, Grid, Material, Optics, Provenance, diffusion_and_absorption,
-};
+use crate::{Face, FileError, Grid, Material, Optics, Provenance, diffusion_and_absorption};
 
 /// A material, and what had to be assumed because its file does not tell.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,16 +53,7 @@ impl Known {
         kappa: Vec<Vec<f32>>,
         mu: Vec<Vec<f32>>,
     ) -> Result<Reading, FileError> {
-        let Header { grid, channels, optics, lit_face, provenance } = self.header;
-        let channels = channels.into_iter().zip(kappa).zip(mu);
-        let channels = channels.map(|((channel, kappa_mm), mu_per_mm)| Channel {
-            name: channel.name,
-            kappa_mm,
-            mu_per_mm,
-            gain: channel.gain,
-        });
-        let material = Material::new(grid, channels.collect(), optics, lit_face, provenance)
-            .map_err(|source| FileError::NotAMaterial { path: path.into(), source })?;
+        let material = self.header.material(kappa, mu, None, path)?;
         Ok(Reading { material, assumed: self.assumed })
     }
 }

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use crate::{FileError, Material};
+use crate::{Channel, FileError, Material};
 
 /// What to do with voxels whose κ and μ no scattering medium has: 3κμ > 1, σs' < 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,9 +74,9 @@ pub fn diffusion_and_absorption(sigma_a: f64, sigma_s: f64) -> (f32, f32) {
     ((1.0 / (3.0 * (sigma_a + sigma_s))) as f32, sigma_a as f32)
 }
 
-/// How many of a material's values, voxels times channels, have 3κμ > 1.
-pub fn impossible_values(material: &Material) -> usize {
-    let values = material.channels().iter().flat_map(|c| c.kappa_mm.iter().zip(&c.mu_per_mm));
+/// How many voxels of a channel have 3κμ > 1.
+pub fn impossible_voxels(channel: &Channel) -> usize {
+    let values = channel.kappa_mm.iter().zip(&channel.mu_per_mm);
     values.filter(|&(&kappa, &mu)| absorption_and_scattering(kappa, mu).1 < 0.0).count()
 }
 
@@ -97,7 +97,7 @@ impl<'a> ScatteringMedium<'a> {
     /// The medium that a material is.
     ///
     /// # Errors
-    /// [`FileError::CannotHold`], about `path`, where some values are impossible and must not be
+    /// [`FileError::Impossible`], about `path`, where some values are impossible and must not be
     /// clamped.
     pub fn of(
         material: &'a Material,
@@ -105,13 +105,10 @@ impl<'a> ScatteringMedium<'a> {
         impossible: Impossible,
         path: &Path,
     ) -> Result<Self, FileError> {
-        let clamped = impossible_values(material);
+        let clamped = material.channels().iter().map(impossible_voxels).sum();
         if clamped > 0 && impossible == Impossible::Refuse {
             let of = material.channels().len() * material.grid().len();
-            let reason = format!(
-                "{clamped} of {of} voxel values have 3κμ > 1, which needs negative scattering"
-            );
-            return Err(FileError::CannotHold { path: path.into(), reason });
+            return Err(FileError::Impossible { path: path.into(), count: clamped, of });
         }
         Ok(Self { material, unit, clamped })
     }

@@ -1,9 +1,9 @@
 //! `diaphane convert`: a material from one format to another.
 
 use crate::Failure;
-use crate::commands::export::{may_be_clamped, warn_of_clamped};
+use crate::conversion::{ConversionArgs, may_be_clamped, warn_of_clamped};
 use crate::output::{Done, check_output};
-use material::{Conversion, Format, Impossible, Overwrite, SceneUnit};
+use material::{Format, Overwrite};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -22,12 +22,8 @@ pub(crate) struct Args {
     from: PathBuf,
     /// File to write
     to: PathBuf,
-    /// Length that is 1 in the renderer's scene: mm, cm or m
-    #[arg(long, default_value = "mm")]
-    unit: SceneUnit,
-    /// Give voxels that no scattering medium has (3κμ > 1) no scattering instead of refusing them
-    #[arg(long)]
-    clamp: bool,
+    #[command(flatten)]
+    conversion: ConversionArgs,
     /// Replace files that are there
     #[arg(long)]
     force: bool,
@@ -35,13 +31,12 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let impossible = if args.clamp { Impossible::Clamp } else { Impossible::Refuse };
     let format = Format::to_write(&args.to)?;
     check_output(&args.to, overwrite)?;
     let reading = Format::read(&args.from)?;
-    let conversion = Conversion { unit: args.unit, impossible };
-    let written =
-        format.write(&args.to, &reading.material, conversion, overwrite).map_err(may_be_clamped)?;
+    let written = format
+        .write(&args.to, &reading.material, args.conversion.conversion(), overwrite)
+        .map_err(may_be_clamped)?;
     warn_of_clamped(written.clamped);
     for assumed in &reading.assumed {
         eprintln!("warning: {} does not tell; assumed: {assumed}", args.from.display());

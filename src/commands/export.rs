@@ -2,13 +2,11 @@
 
 use crate::Failure;
 use crate::commands::verify::load_material;
-use crate::output::{Done, counted};
+use crate::conversion::{ConversionArgs, may_be_clamped, warn_of_clamped};
+use crate::output::Done;
 use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
-use material::{
-    Conversion, FileError, Impossible, Input, Overwrite, ScatteringMedium, SceneUnit, hash_file,
-    nrrd, write_all,
-};
+use material::{Conversion, Input, Overwrite, ScatteringMedium, hash_file, nrrd, write_all};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
@@ -92,12 +90,8 @@ impl Record {
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
-    /// Give voxels that no scattering medium has (3κμ > 1) no scattering instead of refusing them
-    #[arg(long)]
-    clamp: bool,
-    /// Length that is 1 in the renderer's scene: mm, cm or m
-    #[arg(long, default_value = "mm")]
-    unit: SceneUnit,
+    #[command(flatten)]
+    conversion: ConversionArgs,
     /// Replace files that are there
     #[arg(long)]
     force: bool,
@@ -106,8 +100,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let impossible = if args.clamp { Impossible::Clamp } else { Impossible::Refuse };
-    let files = export(&session, Conversion { unit: args.unit, impossible }, overwrite)?;
+    let files = export(&session, args.conversion.conversion(), overwrite)?;
     let mut lines: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     lines.push(steps::next_line(&session)?);
     Ok(Done::new(json!({ "files": files }), lines.join("\n")))
@@ -156,17 +149,4 @@ pub(crate) fn export(
     let record = Record::of(session, inputs, &files, medium.clamped())?;
     session.write_json(RECORD, &record, Overwrite::Replace)?;
     Ok(files)
-}
-
-/// The way out where voxels are impossible.
-pub(crate) fn may_be_clamped(error: FileError) -> Failure {
-    let impossible = matches!(&error, FileError::CannotHold { reason, .. } if reason.contains('κ'));
-    let failure = Failure::from(error);
-    if impossible { failure.hint("add --clamp to write them without scattering") } else { failure }
-}
-
-pub(crate) fn warn_of_clamped(clamped: usize) {
-    if clamped > 0 {
-        eprintln!("warning: clamped to no scattering: {}", counted(clamped, "voxel value"));
-    }
 }

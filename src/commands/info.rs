@@ -2,11 +2,11 @@
 
 use crate::Failure;
 use crate::output::{Done, counted};
-use crate::regime::{self, Regime};
+use crate::regime::Regime;
 use crate::statistics::Spread;
 use material::{
     BoundaryConvention, Channel, Face, Format, LateralBoundary, Material, Reading,
-    absorption_and_scattering,
+    impossible_voxels,
 };
 use serde::Serialize;
 use std::fmt::Write;
@@ -66,7 +66,7 @@ struct About {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let format = Format::to_read(&args.file)?;
-    let reading = Format::read(&args.file)?;
+    let reading = format.load(&args.file)?;
     let info = Info::of(format, &reading);
     let text = info.text(&args.file.display().to_string()).map_err(Failure::other)?;
     let json = serde_json::to_value(&info).map_err(Failure::other)?;
@@ -133,12 +133,10 @@ impl Info {
 
 impl About {
     fn of(material: &Material, channel: &Channel) -> Option<Self> {
-        let pairs = channel.kappa_mm.iter().zip(&channel.mu_per_mm);
-        let impossible_voxels =
-            pairs.filter(|&(&k, &m)| absorption_and_scattering(k, m).1 < 0.0).count();
+        let impossible_voxels = impossible_voxels(channel);
         let regime = Regime::of(material, channel);
         let (scale, rms) = regime.errors();
-        let warning = regime::warning(material, channel);
+        let warning = regime.warning(&channel.name);
         let kappa_mm = Spread::of(&channel.kappa_mm)?;
         let mean_free_path_mm = 3.0 * kappa_mm.median;
         Some(Self {

@@ -12,7 +12,7 @@ pub use import::read;
 pub use volume::GridVolume;
 
 use crate::header::About;
-use crate::template::{filled, in_comment};
+use crate::template::{filled, in_comment, picture_size};
 use crate::{Face, FileError, Overwrite, ScatteringMedium, atomic_write};
 
 /// Beside the volumes: the material without its voxels, as JSON.
@@ -24,8 +24,6 @@ const VOLUMES: [(&str, Quantity); 4] = [
     ("sigma_a.vol", |(a, _)| a),
     ("sigma_s.vol", |(_, s)| s),
 ];
-/// Pixels along the longer side of the scene's picture.
-const PIXELS: usize = 256;
 
 /// Writes the material as a scene, `path`, and beside it in the same folder:
 ///
@@ -89,7 +87,7 @@ fn scene(medium: &ScatteringMedium<'_>, channels: usize, about: &str) -> String 
     } else {
         "<bsdf type=\"null\"/>".into()
     };
-    let pixels = |side: f64| ((PIXELS as f64 * side / x.max(y)).round()).max(1.0).to_string();
+    let [width, height] = picture_size(x, y);
     filled(
         include_str!("scene.xml"),
         &[
@@ -104,8 +102,8 @@ fn scene(medium: &ScatteringMedium<'_>, channels: usize, about: &str) -> String 
             ("SIZE_X", x.to_string()),
             ("SIZE_Y", y.to_string()),
             ("SIZE_Z", z.to_string()),
-            ("WIDTH", pixels(x)),
-            ("HEIGHT", pixels(y)),
+            ("WIDTH", width),
+            ("HEIGHT", height),
             ("TURN", turn.into()),
             ("LIGHT_Z", light_z.to_string()),
             ("SURFACE", surface),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{NpzReader, write};
 use crate::header::Header;
-use crate::{Channel, FileError, Material, Overwrite, Resolution};
+use crate::{FileError, Material, Overwrite, Resolution};
 
 /// Names of the arrays that only a material with a resolution has.
 const RESOLUTION: [&str; 2] = ["kappa_resolution_mm", "mu_resolution_mm"];
@@ -81,20 +81,7 @@ impl Material {
         } else {
             None
         };
-        let channels = header.channels.into_iter().zip(kappa).zip(mu);
-        let channels = channels.map(|((channel, kappa_mm), mu_per_mm)| Channel {
-            name: channel.name,
-            kappa_mm,
-            mu_per_mm,
-            gain: channel.gain,
-        });
-        let channels = channels.collect();
-        Material::new(header.grid, channels, header.optics, header.lit_face, header.provenance)
-            .and_then(|material| match resolution {
-                Some(resolution) => material.with_resolution(resolution),
-                None => Ok(material),
-            })
-            .map_err(|source| FileError::NotAMaterial { path: path.into(), source })
+        header.material(kappa, mu, resolution, path)
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::metadata::{Metadata, Value};
 use super::tree::Region;
 use super::writer::{Field, Frame, head};
-use crate::header::Header;
+use crate::header::{Header, KEY};
 use crate::{FileError, Overwrite, ScatteringMedium, atomic_write};
 
 /// Voxels beyond the block on every side. Renderers interpolate towards what lies outside, which
@@ -15,9 +15,7 @@ use crate::{FileError, Overwrite, ScatteringMedium, atomic_write};
 /// All grids are as large, which some readers ask for; what scatters is zero there.
 const MARGIN: i32 = 2;
 
-/// Name of the metadata that holds the material without its voxels, as JSON.
-pub(super) const HEADER: &str = "diaphane_header";
-/// And of the one that holds the scene's unit of length.
+/// Name of the metadata that holds the scene's unit of length.
 pub(super) const UNIT: &str = "diaphane_scene_unit";
 
 /// Writes a material as grids, in the renderer's frame of [`ScatteringMedium`]:
@@ -62,7 +60,7 @@ fn about(medium: &ScatteringMedium<'_>, header: &str) -> Metadata {
     let text = |text: String| Value::Text(text);
     vec![
         ("creator", text(format!("{} {}", provenance.software, provenance.version))),
-        (HEADER, text(header.into())),
+        (KEY, text(header.into())),
         (UNIT, text(medium.unit().symbol().into())),
         ("diaphane_clamped", Value::Count(medium.clamped() as i64)),
     ]
@@ -133,7 +131,7 @@ impl Grids<'_> {
         let metadata = vec![
             ("unit", text(unit)),
             ("description", text(description)),
-            (HEADER, text(&self.header)),
+            (KEY, text(&self.header)),
             (UNIT, text(self.medium.unit().symbol())),
         ];
         let at = file.stream_position()?;

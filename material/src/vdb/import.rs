@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use super::export::{HEADER, UNIT};
+use super::export::UNIT;
 use super::reader::{Grid, VdbFile};
 use super::tree::Region;
+use crate::header::KEY;
 use crate::reading::{Known, Reading, from_sigma, half_turn};
 use crate::{FileError, SceneUnit};
 
@@ -36,7 +37,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
         return Err(malformed(format!("{one} has {a} numbers a voxel, {other} has {b}")));
     }
     let about = |name: &str| file.metadata.get(name).or_else(|| first.metadata.get(name)).cloned();
-    let (known, region, unit_mm) = place(&first, about(HEADER), about(UNIT)).map_err(malformed)?;
+    let (known, region, unit_mm) = place(&first, about(KEY), about(UNIT)).map_err(malformed)?;
     let volumes = |grid: Grid<'_>, name: &str| {
         let values = grid.dense(region).map_err(|e| malformed(format!("grid {name:?}: {e}")))?;
         let cells = known.header.grid.cells();
