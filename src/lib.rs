@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod average;
+mod checkpoint;
 pub mod cli;
 mod commands;
 mod compute;

@@ -95,7 +95,7 @@ impl Bench {
             let go_on = &mut |_: &diffusion::Progress| true;
             let found = match &self.gpu {
                 None => invert(grid, optics, image, &settings, &mut solver, go_on),
-                Some(gpu) => invert_on_gpu(grid, optics, image, &settings, gpu, go_on),
+                Some(gpu) => invert_on_gpu(None, grid, optics, image, &settings, gpu, go_on),
             };
             let found = found.map_err(|e| e.to_string())?;
             out.seconds += began.elapsed().as_secs_f64();

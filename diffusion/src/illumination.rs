@@ -1,5 +1,6 @@
 //! What the projector puts on the lit face.
 
+use crate::resample::FaceOverlap;
 use material::{Face, Grid};
 
 /// A set of patterns on one face of the block.
@@ -60,6 +61,11 @@ impl Illuminations {
             }
         }
         Ok(Self { face, maps })
+    }
+
+    /// The same patterns on another grid of the block.
+    pub(crate) fn averaged(&self, overlap: &FaceOverlap) -> Self {
+        Self { face: self.face, maps: self.maps.iter().map(|map| overlap.average(map)).collect() }
     }
 
     /// `across` × `across` regions of a face, lit with 1 one after the other, rows of x first.

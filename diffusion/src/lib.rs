@@ -15,6 +15,7 @@ mod illumination;
 mod inverse;
 mod medium;
 mod operator;
+mod resample;
 mod solver;
 mod surface;
 
@@ -26,9 +27,9 @@ pub use forward::Forward;
 pub use gpu::{DeviceChoice, Gpu, GpuError, GpuSolver};
 pub use illumination::{IlluminationError, Illuminations};
 pub use inverse::{
-    Determination, Evaluation, Inverse, InverseError, InverseSettings, Lambda, Measurement,
-    MeasurementError, Method, Observer, PROBING_TOLERANCE, Progress, Solved, Stage, Work, evaluate,
-    evaluate_on_gpu, invert, invert_on_gpu, widest_patch_mm,
+    Determination, Evaluation, Inverse, InverseError, InverseSettings, Iterate, Lambda,
+    Measurement, MeasurementError, Method, Observer, PROBING_TOLERANCE, Progress, Solved, Stage,
+    Work, evaluate, evaluate_on_gpu, invert, invert_from, invert_on_gpu, widest_patch_mm,
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;

@@ -17,8 +17,8 @@ const NOISE: f64 = 0.01;
 /// so that the solved grid never sees its own discretisation (no inverse crime).
 fn grids() -> [Grid; 2] {
     [
-        Grid::new([16, 16, 6], [0.8, 0.8, 0.6]).unwrap(),
-        Grid::new([32, 32, 12], [0.4, 0.4, 0.3]).unwrap(),
+        Grid::new([24, 24, 8], [0.5, 0.5, 0.45]).unwrap(),
+        Grid::new([48, 48, 16], [0.25, 0.25, 0.225]).unwrap(),
     ]
 }
 
@@ -107,12 +107,15 @@ fn errors(found: &Inverse) -> [f64; 3] {
 /// Gives the error of log κ.
 fn check_the_veined_block(found: &Inverse) -> f64 {
     let [e, kappa, mu] = errors(found);
-    eprintln!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}, log mu {mu:.3}", found.fit);
+    eprintln!(
+        "fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}, log mu {mu:.3}, lambda {:.1e}",
+        found.fit, found.lambda
+    );
     assert!(0.5 * NOISE * NOISE < found.fit && found.fit < 2.1e-4, "{}", found.fit);
     assert!(e < 2.5e-3, "{e:.2e}");
     assert!(kappa < 0.15, "{kappa}");
     assert!(mu < 0.46, "{mu}");
-    assert_eq!(found.history.len(), found.work.gradient_evaluations);
+    assert!((1..=found.work.gradient_evaluations).contains(&found.history.len()));
     kappa
 }
 
@@ -134,7 +137,8 @@ fn the_gpu_finds_the_block_as_well() {
     };
     let optics = Optics::from_eta(1.3);
     let (data, settings) = (measurement(&optics, 1.0), InverseSettings::default());
-    let found = invert_on_gpu(&grids()[0], &optics, &data, &settings, &gpu, &mut |_| true).unwrap();
+    let found =
+        invert_on_gpu(None, &grids()[0], &optics, &data, &settings, &gpu, &mut |_| true).unwrap();
     check_the_veined_block(&found);
 }
 
@@ -180,7 +184,7 @@ fn the_observer_can_stop_and_the_budget_holds() {
         let settings = InverseSettings { method, max_evaluations: 5, ..Default::default() };
         for stage in [Stage::Homogeneous, Stage::Volume] {
             let mut seen = 0;
-            let mut observer = |p: &diffusion::Progress| {
+            let mut observer = |p: &diffusion::Progress<'_>| {
                 seen += 1;
                 p.stage != stage
             };
@@ -189,7 +193,9 @@ fn the_observer_can_stop_and_the_budget_holds() {
             assert!(seen > 0);
         }
         let found = invert(&grid, &optics, &data, &settings, &mut solver, &mut |_| true).unwrap();
-        assert!(found.work.gradient_evaluations <= 5, "{}", found.work.gradient_evaluations);
+        // On each of two grids.
+        assert!(found.work.gradient_evaluations <= 10, "{}", found.work.gradient_evaluations);
+        assert!(!found.converged);
     }
 }
 
@@ -217,5 +223,5 @@ fn measurements_that_say_nothing_are_refused() {
     }
     let short = vec![vec![0.1; 3]; 16];
     let wrong = Measurement::new(&grid, regions(&grid), short.clone(), &short);
-    assert!(matches!(wrong, Err(MeasurementError::WrongLength { expected: 256, found: 3, .. })));
+    assert!(matches!(wrong, Err(MeasurementError::WrongLength { expected: 576, found: 3, .. })));
 }

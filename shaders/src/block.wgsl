@@ -15,7 +15,7 @@ struct Block {
     lit_front: u32,            // 1 if the light falls on the face that the camera sees
     closed: u32,               // 1 if no light passes the lateral faces
     free_gain: u32,
-    unused: u32,
+    pull: f32,                 // what one cell's distance from the origin counts, squared
 }
 
 @group(1) @binding(0) var<storage, read> block: Block;

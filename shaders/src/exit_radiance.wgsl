@@ -19,7 +19,8 @@ fn exit_radiance(at: Invocation) {
         let flux = g * (fluence[i] - block.drive * light);
         let l = block.exit_per_flux * flux + block.exit_per_irradiance * light;
         radiance[i] = l;
-        own = vec4(dot(weight[i] * l, l), dot(weight[i] * l, measured[i]), 0.0, 0.0);
+        let w = max(weight[i], vec4(0.0)); // below 0 it is kept out of the fit
+        own = vec4(dot(w * l, l), dot(w * l, measured[i]), 0.0, 0.0);
     }
     add_up(at, own, 1u);
 }

@@ -21,12 +21,12 @@ fn misfit(at: Invocation) {
         }
         let g = face_z[i / level.quads] / (block.spacing.x * block.spacing.y);
         let r = gain * radiance[i] - measured[i];
-        let w = weight[i];
+        let w = max(weight[i], vec4(0.0)); // below 0 it is kept out of the fit
         let slope = 2.0 * gain * w * r;
         by_radiance[i] = slope;
         b[i] = block.exit_per_flux * g * slope;
         let seen = select(vec4(0.0), vec4(1.0), w > vec4(0.0));
-        own = vec4(dot(w * r, r), dot(seen * r, r), 0.0, 0.0);
+        own = vec4(dot(w * r, r), dot(seen * r, r), dot((w - weight[i]) * r, r), 0.0);
     }
     add_up(at, own, 1u);
 }

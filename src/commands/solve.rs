@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::adaptive::CHOICE;
+use crate::checkpoint::{self, Checkpoint, Checkpoints};
 use crate::cli::STOP;
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::{Done, Progress};
@@ -11,10 +12,10 @@ use crate::session::Session;
 use crate::steps::next_line;
 use clap::ValueEnum;
 use diffusion::{
-    CpuSolver, DeviceChoice, Illuminations, Inverse, InverseError, InverseSettings, Lambda,
-    Measurement, Method, Solved, Stage, invert, invert_on_gpu,
+    CpuSolver, DeviceChoice, Gpu, GpuError, Illuminations, Inverse, InverseError, InverseSettings,
+    Iterate, Lambda, Measurement, Method, SolveError, Solved, Stage, invert_from, invert_on_gpu,
 };
-use material::{Channel, Input, Material, Overwrite, Provenance};
+use material::{Channel, Grid, Input, Material, Optics, Overwrite, Provenance};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -38,6 +39,9 @@ pub(crate) struct Args {
     /// Replace a material that is there
     #[arg(long)]
     force: bool,
+    /// Begin anew, even where an interrupted solve could go on
+    #[arg(long)]
+    restart: bool,
 }
 
 #[derive(clap::Args, Clone)]
@@ -52,7 +56,7 @@ pub(crate) struct Options {
     /// Fit a gain for each channel beside κ and μ
     #[arg(long)]
     free_gain: bool,
-    /// Most gradient evaluations for each channel
+    /// Most gradient evaluations for each channel on each grid, from coarse to fine
     #[arg(long, default_value_t = 400)]
     max_evaluations: usize,
     /// What does the work: auto (a GPU in hardware, else the CPU), cpu, gpu or gpu:NAME
@@ -124,6 +128,10 @@ impl Convergence {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
+    if args.restart {
+        session.refuse_existing(MATERIAL, overwrite)?;
+        checkpoint::clear(&session)?;
+    }
     let result = solve(&session, &args.options, overwrite)?;
     let mut text = String::new();
     for c in &result.channels {
@@ -184,8 +192,18 @@ pub(crate) fn solve(
     let maps = fitted.iter().map(|p| p.irradiance.clone()).collect();
     let light = Illuminations::new(&grid, sample.lit_face, maps)?;
 
-    let gpu = options.device.gpu()?;
-    let mut solver = CpuSolver::<f32>::new();
+    let mut provenance = provenance(session, &settings)?;
+    let inputs: Vec<&Input> =
+        provenance.inputs.iter().filter(|i| i.name.starts_with("measurement/")).collect();
+    let problem = (inputs, grid, &optics, sample.lit_face, &provenance.settings);
+    let mut solving = Solving {
+        grid,
+        optics,
+        settings,
+        gpu: options.device.gpu()?,
+        cpu: CpuSolver::new(),
+        checkpoints: Checkpoints::new(session, &problem)?,
+    };
     let (mut channels, mut reports, mut resolutions) = (Vec::new(), Vec::new(), Vec::new());
     let (mut misfit, mut energy) = (0.0, 0.0);
     for (c, name) in measured.channels.iter().enumerate() {
@@ -195,30 +213,7 @@ pub(crate) fn solve(
             Measurement::new(&grid, light.clone(), radiance, &variance).map_err(|e| {
                 Failure::input(format!("{}, channel {name}: {e}", session.path(ARRAYS).display()))
             })?;
-        let mut progress = Progress::new(&format!("solve {name}"), 0);
-        let mut observe = |p: &diffusion::Progress| {
-            let stage = match p.stage {
-                Stage::Homogeneous => "homogeneous start",
-                Stage::Volume => "volume",
-            };
-            let message = format!(
-                "{stage}: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} gradients, {} solves",
-                p.fit, p.chi2, p.lambda, p.work.gradient_evaluations, p.work.linear_solves
-            );
-            progress.set(p.work.gradient_evaluations, &message);
-            !STOP.load(Ordering::Relaxed)
-        };
-        let found = match &gpu {
-            None => invert(&grid, &optics, &measurement, &settings, &mut solver, &mut observe),
-            Some(gpu) => invert_on_gpu(&grid, &optics, &measurement, &settings, gpu, &mut observe),
-        };
-        let found = found.map_err(|e| match e {
-            InverseError::Interrupted => {
-                Failure::other("interrupted").hint("run the same command again")
-            }
-            other => other.into(),
-        })?;
-        progress.finish(&format!("fit {:.2e}, λ {:.1e}", found.fit, found.lambda));
+        let found = solving.channel(name, &measurement)?;
         let solved = Solved {
             grid: &grid,
             optics: &optics,
@@ -229,7 +224,7 @@ pub(crate) fn solve(
         resolutions.extend(resolution::map(name, &solved, &options.device)?);
         misfit += found.fit * measurement.energy();
         energy += measurement.energy();
-        reports.push(convergence(name, &found, settings.max_evaluations));
+        reports.push(convergence(name, &found));
         let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect();
         channels.push(Channel {
             name: name.clone(),
@@ -238,7 +233,6 @@ pub(crate) fn solve(
             gain: found.gain,
         });
     }
-    let mut provenance = provenance(session, &settings)?;
     if !resolutions.is_empty() {
         let probes = format!("{} probes, seed {}", resolution::PROBES, resolution::SEED);
         provenance.settings.insert("resolution".into(), probes);
@@ -248,17 +242,138 @@ pub(crate) fn solve(
         material = material.with_resolution(resolutions)?;
     }
     let seconds = started.elapsed().as_secs_f64();
-    let device = gpu.map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
+    let device = solving.gpu.map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
     let result = Convergence { seconds, fit: misfit / energy, device, channels: reports };
     session.write_json(CONVERGENCE, &result, Overwrite::Replace)?;
     // The material last: once it is there the solve is done.
     material.save(&session.result(MATERIAL)?, overwrite)?;
+    checkpoint::clear(session)?;
     Ok(result)
+}
+
+/// A problem that is solved channel by channel, and what does the work.
+struct Solving<'s> {
+    grid: Grid,
+    optics: Optics,
+    settings: InverseSettings,
+    /// None on the CPU, or once a GPU was lost.
+    gpu: Option<Gpu>,
+    cpu: CpuSolver<f32>,
+    checkpoints: Checkpoints<'s>,
+}
+
+/// What a solve usually takes until it has converged, in forward and adjoint solves on its own grid;
+/// the time that is left is judged by it.
+const USUAL_SOLVES: f64 = 1600.0;
+
+impl Solving<'_> {
+    /// κ and μ of a channel, from where an earlier attempt stopped.
+    fn channel(&mut self, name: &str, measurement: &Measurement) -> Result<Inverse, Failure> {
+        let mut iterate = match self.checkpoints.load(name)? {
+            Some(Checkpoint::Found(found)) => return Ok(found),
+            Some(Checkpoint::Going(iterate)) => Some(iterate),
+            None => None,
+        };
+        let mut progress = Progress::new(&format!("solve {name}"), 0);
+        if let Some(iterate) = &iterate {
+            let done = iterate.work.gradient_evaluations;
+            progress.say(&format!("{name}: goes on after {done} gradients"));
+        }
+        let found = loop {
+            let (found, last) = self.attempt(name, measurement, iterate.take(), &mut progress)?;
+            match (found, &self.gpu) {
+                (
+                    Err(InverseError::Solve(SolveError::Gpu(lost @ GpuError::Lost { .. }))),
+                    Some(_),
+                ) => {
+                    progress.say(&format!("warning: {lost}; {name} goes on on the CPU"));
+                    (self.gpu, iterate) = (None, last);
+                }
+                (Err(InverseError::Interrupted), _) => {
+                    if let Some(last) = last {
+                        self.checkpoints.save(name, &Checkpoint::Going(last))?;
+                    }
+                    let hint = "run the same command again, and it goes on from here";
+                    return Err(Failure::other("interrupted").hint(hint));
+                }
+                (found, _) => break found?,
+            }
+        };
+        progress.finish(&format!("fit {:.2e}, λ {:.1e}", found.fit, found.lambda));
+        self.checkpoints.save(name, &Checkpoint::Found(found.clone()))?;
+        Ok(found)
+    }
+
+    /// One go at a channel on what there is; beside the answer, the last iterate that was saved, or the one
+    /// at which it was interrupted.
+    fn attempt(
+        &mut self,
+        name: &str,
+        measurement: &Measurement,
+        iterate: Option<Iterate>,
+        progress: &mut Progress,
+    ) -> Result<(Result<Inverse, InverseError>, Option<Iterate>), Failure> {
+        let mut last = iterate.clone();
+        let mut failure = None;
+        let began = Instant::now();
+        let before = iterate.as_ref().map_or(0.0, |iterate| iterate.work.fine_solves);
+        let checkpoints = &mut self.checkpoints;
+        let mut observe = |p: &diffusion::Progress<'_>| {
+            let stage = match p.stage {
+                Stage::Homogeneous => "homogeneous start".to_owned(),
+                Stage::Volume => format!("{} x {} x {} cells", p.cells[0], p.cells[1], p.cells[2]),
+            };
+            let message = format!(
+                "{stage}: objective {:.3e}, fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} gradients, {:.0} solves",
+                p.objective,
+                p.fit,
+                p.chi2,
+                p.lambda,
+                p.work.gradient_evaluations,
+                p.work.fine_solves
+            );
+            let here = p.work.fine_solves - before;
+            let left = (here > 0.0 && p.work.fine_solves < USUAL_SOLVES).then(|| {
+                began.elapsed().as_secs_f64() / here * (USUAL_SOLVES - p.work.fine_solves)
+            });
+            progress.set_left(p.work.gradient_evaluations, &message, left);
+            let stop = STOP.load(Ordering::Relaxed);
+            if p.stage == Stage::Volume && (stop || checkpoints.due()) {
+                if let Some(iterate) = p.iterate() {
+                    let iterate = last.insert(iterate);
+                    if !stop {
+                        let going = Checkpoint::Going(iterate.clone());
+                        failure = checkpoints.save(name, &going).err();
+                    }
+                }
+            }
+            !stop && failure.is_none()
+        };
+        let (grid, optics, settings) = (&self.grid, &self.optics, &self.settings);
+        let found = match &self.gpu {
+            None => invert_from(
+                iterate,
+                grid,
+                optics,
+                measurement,
+                settings,
+                &mut self.cpu,
+                &mut observe,
+            ),
+            Some(gpu) => {
+                invert_on_gpu(iterate, grid, optics, measurement, settings, gpu, &mut observe)
+            }
+        };
+        match failure {
+            Some(failure) => Err(failure),
+            None => Ok((found, last)),
+        }
+    }
 }
 
 fn settings(options: &Options) -> Result<InverseSettings, Failure> {
     let lambda = match options.lambda {
-        None => Lambda::Discrepancy,
+        None => Lambda::CrossValidation,
         Some(l) if l.is_finite() && l >= 0.0 => Lambda::Fixed(l),
         Some(l) => {
             return Err(Failure::input(format!("--lambda: expected a number ≥ 0, found {l}")));
@@ -279,7 +394,7 @@ fn settings(options: &Options) -> Result<InverseSettings, Failure> {
     })
 }
 
-fn convergence(name: &str, found: &Inverse, most: usize) -> ChannelConvergence {
+fn convergence(name: &str, found: &Inverse) -> ChannelConvergence {
     ChannelConvergence {
         channel: name.to_owned(),
         fit: found.fit,
@@ -291,7 +406,7 @@ fn convergence(name: &str, found: &Inverse, most: usize) -> ChannelConvergence {
         homogeneous_kappa_mm: found.homogeneous.0,
         homogeneous_mu_per_mm: found.homogeneous.1,
         history: found.history.clone(),
-        cut_off: found.work.gradient_evaluations >= most,
+        cut_off: !found.converged,
     }
 }
 

@@ -18,6 +18,8 @@ const LIMITS: usize = 8 * 16;
 /// A residual carried along in single precision means nothing below this share of what a run
 /// began with.
 const RESIDUAL_FLOOR: f32 = 2e-6;
+/// Tolerances below this are asked for where single precision itself is compared.
+const NEAR_ROUNDING: f64 = 3e-7;
 /// Iterations of a first run, when nothing is known yet.
 const FIRST_RUN: usize = 8;
 /// Most iterations of a run: a driver takes a submission that lasts for seconds as a hang.
@@ -158,8 +160,10 @@ impl Krylov {
     /// # Errors
     /// The device was lost.
     pub fn solve(&self, gpu: &Gpu, system: &mut System, tolerance: f64) -> Result<Taken, GpuError> {
-        // A little below the tolerance, so that rounding does not cost another run.
-        let aim = (0.7 * tolerance).powi(2) as f32;
+        // A little below the tolerance, so that rounding does not cost another run; where it is near
+        // rounding itself, well below: a lane that is there after the first run stays as it is.
+        let below = if tolerance < NEAR_ROUNDING { 0.1 } else { 0.7 };
+        let aim = (below * tolerance).powi(2) as f32;
         let limits = [aim.max(f32::MIN_POSITIVE), RESIDUAL_FLOOR * RESIDUAL_FLOOR];
         gpu.queue.write_buffer(&self.scalars, 4 * LIMITS as u64, bytemuck::cast_slice(&limits));
         let mut taken = Taken::default();

@@ -7,14 +7,17 @@ use super::krylov::{Krylov, System};
 use super::level::{Hierarchy, whole};
 use super::vector::{GpuVector, VectorSpace};
 use super::{Gpu, GpuError, quads_that_fit};
-use crate::inverse::{Device, InverseError, Misfit, Objective, Problem, RANGE, Work, step_weights};
+use crate::inverse::{
+    Device, InverseError, Misfit, Objective, Problem, RANGE, Work, pull, step_weights,
+};
 use crate::{SolveError, SurfaceModel};
 use material::{Face, LateralBoundary};
 use std::rc::Rc;
 
-/// Words of `Block` (block.wgsl), and where its origin, range and scale stand.
+/// Words of `Block` (block.wgsl), and where its origin and range, and its pull stand.
 const BLOCK: usize = 20;
 const ORIGIN: u64 = 8;
+const PULL: u64 = 19;
 
 /// A GPU that evaluates objectives.
 pub(crate) struct OnGpu<'g>(pub &'g Gpu);
@@ -63,6 +66,8 @@ pub(crate) struct GpuObjective {
     /// From logarithms to coefficients, conductances and the beam's source.
     prepare: Vec<Pass>,
     free_gain: bool,
+    /// What the pull to the centre counts, once there is one.
+    pull: f32,
     /// Σ w L_meas² and Σ L_meas².
     energies: [f64; 2],
     /// What weights were multiplied by.
@@ -233,6 +238,7 @@ impl GpuObjective {
             mu,
             prepare,
             free_gain,
+            pull: pull(grid) as f32,
             energies,
             scale,
             work,
@@ -268,6 +274,10 @@ impl GpuObjective {
 impl Objective for GpuObjective {
     type Vector = GpuVector;
 
+    fn cells(&self) -> usize {
+        self.hierarchy.levels[0].cells.iter().product()
+    }
+
     fn vector(&self, host: Vec<f64>) -> GpuVector {
         let out = self.vectors.zeros();
         self.gpu.write(&out.buffer, &host.iter().map(|v| *v as f32).collect::<Vec<f32>>());
@@ -283,6 +293,7 @@ impl Objective for GpuObjective {
     fn centre(&mut self, centre: [f64; 2]) {
         let words = [centre[0] as f32, centre[1] as f32, RANGE as f32];
         self.gpu.queue.write_buffer(&self.block, 4 * ORIGIN, bytemuck::cast_slice(&words));
+        self.gpu.queue.write_buffer(&self.block, 4 * PULL, bytemuck::bytes_of(&self.pull));
     }
 
     fn forward(&mut self, u: &GpuVector, tolerance: f64) -> Result<Misfit, InverseError> {
@@ -308,8 +319,9 @@ impl Objective for GpuObjective {
         let totals = self.totals()?;
         let gain = if self.free_gain && totals[0] > 0.0 { totals[1] / totals[0] } else { 1.0 };
         let weighted = f64::from(totals[4]) / self.scale * self.energies[0];
+        let kept_out = f64::from(totals[6]) / self.scale * self.energies[0];
         let fit = f64::from(totals[5]) / self.energies[1];
-        Ok(Misfit { weighted, fit, gain: f64::from(gain) })
+        Ok(Misfit { weighted, kept_out, fit, gain: f64::from(gain) })
     }
 
     fn gradient(&mut self, tolerance: f64) -> Result<GpuVector, InverseError> {
@@ -391,6 +403,7 @@ fn write_block(gpu: &Gpu, block: &wgpu::Buffer, problem: &Problem, scale: f64) {
         flag(problem.measurement.light().face() == Face::Front),
         flag(problem.optics.lateral == LateralBoundary::NoFlux),
         flag(problem.free_gain),
+        // No pull either.
         0.0,
     ];
     gpu.write(block, &words);

@@ -2,7 +2,7 @@
 //! linear solver.
 
 use super::objective::{Device, Misfit, Objective, Problem, RANGE};
-use super::smoothness::squared_gradient;
+use super::smoothness::{squared_distance, squared_gradient};
 use super::{InverseError, Work};
 use crate::{Batch, Forward, Gradient, LinearSolver, Medium, SolveError};
 use material::{Face, Grid};
@@ -47,29 +47,37 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
 
         let weights = measurement.weight();
         let measured = measurement.radiance();
-        let pixels = || {
+        let all = || {
             images.iter().zip(measured).zip(weights).flat_map(|((image, meas), w)| {
+                // A masked pixel may hold anything.
                 image
                     .iter()
                     .zip(meas)
                     .zip(w)
-                    .filter(|(_, w)| **w > 0.0)
+                    .filter(|(_, w)| **w != 0.0)
                     .map(|((l, m), w)| (*l, *m, *w))
             })
         };
         let gain = if *free_gain {
-            let (cross, own) =
-                pixels().fold((0.0, 0.0), |(c, o), (l, m, w)| (c + w * l * m, o + w * l * l));
+            let (cross, own) = all()
+                .filter(|(_, _, w)| *w > 0.0)
+                .fold((0.0, 0.0), |(c, o), (l, m, w)| (c + w * l * m, o + w * l * l));
             if own > 0.0 { cross / own } else { 1.0 }
         } else {
             1.0
         };
-        let (weighted, plain) = pixels().fold((0.0, 0.0), |(a, b), (l, m, w)| {
+        let (mut weighted, mut kept_out, mut plain) = (0.0, 0.0, 0.0);
+        for (l, m, w) in all() {
             let r = gain * l - m;
-            (a + w * r * r, b + r * r)
-        });
+            if w > 0.0 {
+                weighted += w * r * r;
+                plain += r * r;
+            } else {
+                kept_out -= w * r * r;
+            }
+        }
         self.last = Some(Last { medium, images, gain });
-        Ok(Misfit { weighted, fit: plain / measurement.energy(), gain })
+        Ok(Misfit { weighted, kept_out, fit: plain / measurement.energy(), gain })
     }
 
     /// ∂(weighted)/∂κ and ∂(weighted)/∂μ at the medium of the last [`forward`](Self::forward).
@@ -109,6 +117,10 @@ pub(crate) struct LogObjective<'a, S> {
 
 impl<S: LinearSolver> Objective for LogObjective<'_, S> {
     type Vector = Vec<f64>;
+
+    fn cells(&self) -> usize {
+        self.data.grid().len()
+    }
 
     fn vector(&self, host: Vec<f64>) -> Vec<f64> {
         host
@@ -155,8 +167,11 @@ impl<S: LinearSolver> Objective for LogObjective<'_, S> {
         let n = u.len() / 2;
         let mut gradient = vec![0.0; 2 * n];
         let mut value = 0.0;
-        for (u, g) in u.chunks_exact(n).zip(gradient.chunks_exact_mut(n)) {
+        for (half, (u, g)) in u.chunks_exact(n).zip(gradient.chunks_exact_mut(n)).enumerate() {
             value += squared_gradient(self.data.grid(), u, 1.0, g);
+            if let Some(centre) = self.centre {
+                value += squared_distance(self.data.grid(), u, centre[half], g);
+            }
         }
         (value, gradient)
     }

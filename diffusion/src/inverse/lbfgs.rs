@@ -19,6 +19,20 @@ const LONGEST_STEP: f64 = 2.0;
 /// Shorter steps than this many halvings and there is nothing left to gain.
 const MOST_TRIALS: usize = 12;
 
+/// How far a shift goes along which the curvature is measured: small against what logarithms differ by in a
+/// block, large against what solves are off by.
+const SHIFT: f64 = 0.05;
+/// The least curvature of a combination of the two shifts, relative to their largest.
+const LEAST_CURVATURE: f64 = 1e-5;
+
+/// Curvature of D along the two shifts, of log κ and of log μ in all cells alike; the same on every grid.
+///
+/// Along a shift of both that leaves the effective attenuation √(μ/κ) as it is, D curves a thousand
+/// times less than across it. Steps and gradient changes take long to learn that, and the means
+/// of κ and μ creep meanwhile; two gradients tell it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shifts([[f64; 2]; 2]);
+
 /// A point with everything that is known about it.
 #[derive(Clone)]
 pub(crate) struct Point<V> {
@@ -50,12 +64,94 @@ pub(crate) struct Minimiser<'a, O: Objective> {
     pub objective: &'a mut O,
     energy: f64,
     pairs: VecDeque<Pair<O::Vector>>,
+    /// One in every cell of log κ, and of log μ.
+    ones: [O::Vector; 2],
+    /// Curvatures of D and R along these, if they are known.
+    curvature: Option<[Shifts; 2]>,
 }
 
 impl<'a, O: Objective> Minimiser<'a, O> {
     /// `energy` is Σ w L_meas², the unit of D.
     pub fn new(objective: &'a mut O, energy: f64) -> Self {
-        Self { objective, energy, pairs: VecDeque::new() }
+        let cells = objective.cells();
+        let ones = std::array::from_fn(|half| {
+            let mut ones = vec![0.0; 2 * cells];
+            ones[half * cells..][..cells].fill(1.0);
+            objective.vector(ones)
+        });
+        Self { objective, energy, pairs: VecDeque::new(), ones, curvature: None }
+    }
+
+    /// Measures the curvature of D along the two shifts by a gradient each.
+    pub fn shifts(
+        &mut self,
+        here: &Point<O::Vector>,
+        tolerance: f64,
+    ) -> Result<Shifts, InverseError> {
+        let mut out = [[0.0; 2]; 2];
+        for (row, out) in out.iter_mut().enumerate() {
+            let mut u = here.u.clone();
+            u.add_scaled(SHIFT, &self.ones[row]);
+            self.objective.forward(&u, tolerance)?;
+            let mut change = self.objective.gradient(tolerance)?;
+            change.add_scaled(-1.0, &here.by_data);
+            *out = self.ones.each_ref().map(|ones| ones.dot(&change) / SHIFT);
+        }
+        Ok(Shifts(out))
+    }
+
+    /// Takes the curvature along the shifts into the first approximation of the inverse Hessian.
+    pub fn know(&mut self, shifts: Option<&Shifts>) {
+        self.curvature = shifts.map(|by_data| {
+            // R changes along a shift by its pull alone, which is quadratic.
+            let ones = &self.ones;
+            let (_, at_zero) = self.objective.smoothness(&{
+                let mut zero = ones[0].clone();
+                zero.scale(0.0);
+                zero
+            });
+            let by_roughness = std::array::from_fn(|row| {
+                let (_, mut change) = self.objective.smoothness(&ones[row]);
+                change.add_scaled(-1.0, &at_zero);
+                ones.each_ref().map(|ones| ones.dot(&change))
+            });
+            [*by_data, Shifts(by_roughness)]
+        });
+    }
+
+    /// A⁻¹ of the curvature A of D + λR along the shifts, which is made positive definite.
+    fn inverse_along_shifts(&self, lambda: f64) -> Option<[[f64; 2]; 2]> {
+        let [Shifts(d), Shifts(r)] = self.curvature?;
+        let of =
+            |i: usize, j: usize| 0.5 * (d[i][j] + d[j][i]) + lambda * 0.5 * (r[i][j] + r[j][i]);
+        let (a, b, c) = (of(0, 0), of(0, 1), of(1, 1));
+        // Eigenvalues m ± s; eigenvector (cos t, sin t) of the larger one.
+        let (m, s) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
+        let t = 0.5 * (2.0 * b).atan2(a - c);
+        let (large, small) = (m + s, (m - s).max(LEAST_CURVATURE * (m + s)));
+        (large > 0.0 && small.is_finite()).then(|| {
+            let (x, y) = (t.cos(), t.sin());
+            let off = x * y * (1.0 / large - 1.0 / small);
+            [[x * x / large + y * y / small, off], [off, y * y / large + x * x / small]]
+        })
+    }
+
+    /// The first approximation of the inverse Hessian: a multiple of the identity, but for shifts.
+    fn first_inverse(&self, q: &mut O::Vector, scale: f64, lambda: f64) {
+        let known = self.inverse_along_shifts(lambda).map(|inverse| {
+            let along = self.ones.each_ref().map(|ones| ones.dot(q));
+            let cells = self.objective.cells() as f64;
+            inverse
+                .map(|row| row[0] * along[0] + row[1] * along[1])
+                .into_iter()
+                .zip(along)
+                .map(move |(step, along)| step - scale * along / cells)
+                .collect::<Vec<f64>>()
+        });
+        q.scale(scale);
+        for (factor, ones) in known.iter().flatten().zip(&self.ones) {
+            q.add_scaled(*factor, ones);
+        }
     }
 
     /// Evaluates both terms at `u`.
@@ -157,13 +253,14 @@ impl<'a, O: Objective> Minimiser<'a, O> {
             q.add_scaled(-alpha, y);
             alphas.push(alpha);
         }
-        match curved.last() {
-            Some((_, y, sy)) => q.scale(sy / y.dot(y)),
+        let scale = match curved.last() {
+            Some((_, y, sy)) => sy / y.dot(y),
             None => {
                 let largest = gradient.largest();
-                q.scale(if largest > 0.0 { FIRST_STEP / largest } else { 0.0 });
+                if largest > 0.0 { FIRST_STEP / largest } else { 0.0 }
             }
-        }
+        };
+        self.first_inverse(&mut q, scale, lambda);
         for ((s, y, sy), alpha) in curved.iter().zip(alphas.iter().rev()) {
             let beta = y.dot(&q) / sy;
             q.add_scaled(alpha - beta, s);

@@ -1,13 +1,18 @@
 //! What the camera saw, on the front face's cells.
 
 use crate::Illuminations;
+use crate::resample::FaceOverlap;
 use material::Grid;
+
+/// One pixel in this many is kept out of the fit while λ is looked for.
+const KEPT_OUT: usize = 10;
 
 /// Measured radiance of one colour channel under a set of patterns.
 #[derive(Clone, Debug)]
 pub struct Measurement {
     light: Illuminations,
     radiance: Vec<Vec<f64>>,
+    /// 1 / variance; 0 where masked; negative where it is kept out of the fit.
     weight: Vec<Vec<f64>>,
 }
 
@@ -113,6 +118,47 @@ impl Measurement {
         Self { weight: images.map(soften).collect(), ..self.clone() }
     }
 
+    /// The same images with every tenth pixel kept out of the fit, to try it on. Which ones it is
+    /// changes from pattern to pattern, so that no part of the face is left to itself.
+    pub(crate) fn with_pixels_kept_out(&self, grid: &Grid) -> Self {
+        let nx = grid.cells()[0];
+        let mut out = self.clone();
+        for (pattern, map) in out.weight.iter_mut().enumerate() {
+            for (i, w) in map.iter_mut().enumerate() {
+                if (i % nx + 3 * (i / nx) + 7 * pattern).is_multiple_of(KEPT_OUT) {
+                    *w = -*w;
+                }
+            }
+        }
+        out
+    }
+
+    /// The same images on a coarser grid of the same block. A pixel of which more than half is
+    /// masked is masked.
+    pub(crate) fn averaged(&self, from: &Grid, to: &Grid) -> Self {
+        let overlap = FaceOverlap::new(from, to);
+        let mut out = Self {
+            light: self.light.averaged(&overlap),
+            radiance: Vec::with_capacity(self.radiance.len()),
+            weight: Vec::with_capacity(self.weight.len()),
+        };
+        for (l, w) in self.radiance.iter().zip(&self.weight) {
+            let pixel = |cell: &mut dyn Iterator<Item = (usize, f64)>| {
+                let (mut seen, mut sum, mut variance) = (0.0, 0.0, 0.0);
+                for (i, share) in cell.filter(|(i, _)| w[*i] > 0.0) {
+                    seen += share;
+                    sum += share * l[i];
+                    variance += share * share / w[i];
+                }
+                if seen > 0.5 { (sum / seen, seen * seen / variance) } else { (0.0, 0.0) }
+            };
+            let (l, w) = overlap.cells().map(|mut cell| pixel(&mut cell)).unzip();
+            out.radiance.push(l);
+            out.weight.push(w);
+        }
+        out
+    }
+
     /// The patterns.
     pub fn light(&self) -> &Illuminations {
         &self.light
@@ -123,18 +169,23 @@ impl Measurement {
         &self.radiance
     }
 
-    /// 1 / variance; 0 where masked.
+    /// 1 / variance; 0 where masked; −1 / variance where kept out of the fit.
     pub(crate) fn weight(&self) -> &[Vec<f64>] {
         &self.weight
     }
 
-    /// (weight, radiance) of every pixel that is not masked.
+    /// (weight, radiance) of every pixel that is fitted.
     fn pixels(&self) -> impl Iterator<Item = (f64, f64)> {
         let maps = self.weight.iter().zip(&self.radiance);
         maps.flat_map(|(w, l)| w.iter().copied().zip(l.iter().copied())).filter(|(w, _)| *w > 0.0)
     }
 
-    /// Number of pixels that are not masked.
+    /// Number of pixels that are kept out of the fit.
+    pub(crate) fn kept_out(&self) -> usize {
+        self.weight.iter().flatten().filter(|w| **w < 0.0).count()
+    }
+
+    /// Number of pixels that are not masked (and not kept out).
     pub fn data(&self) -> usize {
         self.pixels().count()
     }
@@ -142,11 +193,6 @@ impl Measurement {
     /// Σ L² over pixels that are not masked.
     pub fn energy(&self) -> f64 {
         self.pixels().map(|(_, l)| l * l).sum()
-    }
-
-    /// What the fit would be if the images were off by their noise: Σ 1/w / Σ L².
-    pub(crate) fn noise_share(&self) -> f64 {
-        self.pixels().map(|(w, _)| 1.0 / w).sum::<f64>() / self.energy()
     }
 
     /// Σ w L².

@@ -3,7 +3,9 @@
 mod data_term;
 mod evaluate;
 mod homogeneous;
+mod iterate;
 mod lbfgs;
+mod levels;
 mod measurement;
 mod objective;
 mod paper;
@@ -14,15 +16,17 @@ mod work;
 
 pub(crate) use data_term::WithSolver;
 pub use evaluate::{Evaluation, evaluate, evaluate_on_gpu};
+pub use iterate::Iterate;
 pub use measurement::{Measurement, MeasurementError};
 pub(crate) use objective::{Device, Misfit, Objective, Problem, RANGE, Vector};
 pub use posterior::{Determination, PROBING_TOLERANCE, Solved, widest_patch_mm};
-pub(crate) use smoothness::step_weights;
+pub(crate) use smoothness::{pull, step_weights};
 pub use work::Work;
 
 use crate::gpu::OnGpu;
 use crate::{Gpu, GpuSolver, LinearSolver, SolveError};
 use material::{Grid, Optics};
+use serde::{Deserialize, Serialize};
 
 /// How the coefficients are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,9 +42,9 @@ pub enum Method {
 /// How strong the smoothness term is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Lambda {
-    /// The largest λ under which the residual is as small as the noise (discrepancy principle).
+    /// The one under which pixels that the fit does not see are explained best (cross-validation).
     #[default]
-    Discrepancy,
+    CrossValidation,
     /// A given λ, relative to the (weighted) energy of the images.
     Fixed(f64),
 }
@@ -59,7 +63,7 @@ pub struct InverseSettings {
     /// the largest part of it; without it, dark pixels far from the light, which a coarse grid
     /// gets wrong by percents, would outweigh everything.
     pub model_error: f64,
-    /// Most gradient evaluations.
+    /// Most gradient evaluations on each grid.
     pub max_evaluations: usize,
     /// Relative residual of the linear solves.
     pub tolerance: f64,
@@ -69,9 +73,9 @@ impl Default for InverseSettings {
     fn default() -> Self {
         Self {
             method: Method::Lbfgs,
-            lambda: Lambda::Discrepancy,
+            lambda: Lambda::CrossValidation,
             free_gain: false,
-            model_error: 3e-3,
+            model_error: 2e-3,
             max_evaluations: 400,
             tolerance: 1e-6,
         }
@@ -79,18 +83,31 @@ impl Default for InverseSettings {
 }
 
 /// Where an inverse solve is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
+#[derive(Clone, Copy)]
+pub struct Progress<'a> {
     /// What is being done.
     pub stage: Stage,
     /// What has been done so far.
     pub work: Work,
-    /// Fit f (design section 9).
+    /// J: what is minimised, on the grid at work.
+    pub objective: f64,
+    /// Fit f (design section 9) on the grid at work.
     pub fit: f64,
     /// Mean squared residual in units of the noise, χ²/N.
     pub chi2: f64,
     /// λ at work.
     pub lambda: f64,
+    /// Cells of the grid at work.
+    pub cells: [usize; 3],
+    iterate: Option<&'a dyn Fn() -> Iterate>,
+}
+
+impl Progress<'_> {
+    /// What [`invert`] can go on from, brought from the device; none before there is a volume, and
+    /// none with the paper's method.
+    pub fn iterate(&self) -> Option<Iterate> {
+        self.iterate.map(|iterate| iterate())
+    }
 }
 
 /// The part of an inverse solve that is running.
@@ -103,7 +120,7 @@ pub enum Stage {
 }
 
 /// What an inverse solve found.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Inverse {
     /// κ of every cell, mm.
     pub kappa_mm: Vec<f64>,
@@ -119,9 +136,11 @@ pub struct Inverse {
     pub chi2: f64,
     /// λ used, relative to the (weighted) energy of the images.
     pub lambda: f64,
+    /// Whether it ended by itself, not by [`InverseSettings::max_evaluations`].
+    pub converged: bool,
     /// What it took, the homogeneous start included.
     pub work: Work,
-    /// Fit at every point that a gradient was evaluated at.
+    /// Fit after every step, on the grid that it was made on.
     pub history: Vec<f64>,
 }
 
@@ -140,12 +159,12 @@ pub enum InverseError {
 }
 
 /// Tells the caller how far it is; returns false to stop.
-pub type Observer<'a> = &'a mut dyn FnMut(&Progress) -> bool;
+pub type Observer<'a> = &'a mut dyn FnMut(&Progress<'_>) -> bool;
 
 /// Finds κ and μ of every cell of `grid` so that the diffusion equation reproduces the images.
 ///
 /// Minimises Σ w (γL − L_meas)² / Σ w L_meas² + λ (R(log κ) + R(log μ)), w = 1/variance (design
-/// section 5), from a homogeneous start.
+/// section 5), from a homogeneous start and from coarse to fine.
 ///
 /// # Errors
 /// A linear solve fails, the optimiser gives up, or `observer` returns false.
@@ -157,19 +176,38 @@ pub fn invert<S: LinearSolver>(
     solver: &mut S,
     observer: Observer<'_>,
 ) -> Result<Inverse, InverseError> {
+    invert_from(None, grid, optics, measurement, settings, solver, observer)
+}
+
+/// [`invert`] from where another solve of the same problem stood. (The paper's method begins anew.)
+///
+/// # Errors
+/// As [`invert`].
+pub fn invert_from<S: LinearSolver>(
+    iterate: Option<Iterate>,
+    grid: &Grid,
+    optics: &Optics,
+    measurement: &Measurement,
+    settings: &InverseSettings,
+    solver: &mut S,
+    observer: Observer<'_>,
+) -> Result<Inverse, InverseError> {
     let problem = problem(grid, optics, measurement, settings);
     match settings.method {
-        Method::Lbfgs => volume::run(&mut WithSolver(solver), &problem, settings, observer),
+        Method::Lbfgs => {
+            volume::run(&mut WithSolver(solver), &problem, settings, iterate, observer)
+        }
         Method::Paper => paper::run(&problem, settings, solver, observer),
     }
 }
 
-/// [`invert`] with everything on a GPU: forward and adjoint solves, gradient, smoothness and the
+/// [`invert_from`] with everything on a GPU: forward and adjoint solves, gradient, smoothness and the
 /// optimiser's vectors. (`Method::Paper` has only its solves there.)
 ///
 /// # Errors
 /// As [`invert`]; also if the GPU cannot hold the problem, or is lost.
 pub fn invert_on_gpu(
+    iterate: Option<Iterate>,
     grid: &Grid,
     optics: &Optics,
     measurement: &Measurement,
@@ -179,7 +217,7 @@ pub fn invert_on_gpu(
 ) -> Result<Inverse, InverseError> {
     let problem = problem(grid, optics, measurement, settings);
     match settings.method {
-        Method::Lbfgs => volume::run(&mut OnGpu(gpu), &problem, settings, observer),
+        Method::Lbfgs => volume::run(&mut OnGpu(gpu), &problem, settings, iterate, observer),
         Method::Paper => paper::run(&problem, settings, &mut GpuSolver::new(gpu.clone()), observer),
     }
 }
@@ -191,7 +229,7 @@ fn problem(
     settings: &InverseSettings,
 ) -> Problem {
     let measurement = match settings.method {
-        Method::Lbfgs => measurement.with_model_error(settings.model_error),
+        Method::Lbfgs => measurement.clone(),
         Method::Paper => measurement.unweighted(),
     };
     let (grid, optics, free_gain) = (*grid, *optics, settings.free_gain);

@@ -9,6 +9,8 @@ use material::{Grid, Optics};
 pub(crate) struct Misfit {
     /// Σ w (γ L − L_meas)².
     pub weighted: f64,
+    /// The same over the pixels that are kept out of the fit.
+    pub kept_out: f64,
     /// Σ (γ L − L_meas)² / Σ L_meas² over pixels that are not masked (design: fit f).
     pub fit: f64,
     /// γ: 1, or the gain that minimises the data term.
@@ -54,13 +56,16 @@ impl Vector for Vec<f64> {
 pub(crate) const RANGE: f64 = 6.0;
 
 /// The two terms of the objective as functions of u = (log κ, log μ):
-/// D(u) = Σ w (γL − L_meas)² / Σ w L_meas² and R(u) = R(log κ) + R(log μ).
+/// D(u) = Σ w (γL − L_meas)² / Σ w L_meas² and R(u) = R(log κ) + R(log μ), see `smoothness.rs`.
 ///
 /// They are kept apart so that the outer loop can change λ without a solve. Value and gradient of
 /// D are two steps, since a step that a line search rejects needs no adjoint.
 pub(crate) trait Objective {
     /// Where u lives.
     type Vector: Vector;
+
+    /// Cells of the grid.
+    fn cells(&self) -> usize;
 
     /// Brings 2 · cells numbers to the device.
     fn vector(&self, host: Vec<f64>) -> Self::Vector;
@@ -69,7 +74,8 @@ pub(crate) trait Objective {
     fn host(&self, u: &Self::Vector) -> Vec<f64>;
 
     /// From here on u counts only within [`RANGE`] of (log κ, log μ) = `centre`; outside, D is that
-    /// of the nearest point inside and its derivative 0. Before the first call there is no limit.
+    /// of the nearest point inside and its derivative 0. R pulls towards it. Before the first call
+    /// there is neither limit nor pull.
     fn centre(&mut self, centre: [f64; 2]);
 
     /// Solves the forward problem of every pattern at `u`, starting from the last fluence.

@@ -45,15 +45,18 @@ pub(super) fn run<S: LinearSolver>(
         let progress = Progress {
             stage: Stage::Homogeneous,
             work: data.work,
+            objective: misfit.fit,
             fit: misfit.fit,
             chi2: misfit.weighted / count,
             lambda: 0.0,
+            cells: problem.grid.cells(),
+            iterate: None,
         };
         if observer(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
     })?;
     let lambda = match settings.lambda {
         Lambda::Fixed(lambda) => lambda,
-        Lambda::Discrepancy => 1e-5,
+        Lambda::CrossValidation => 1e-5,
     };
     let mut x = vec![start.kappa_mm; 2 * n];
     x[n..].fill(start.mu_per_mm);
@@ -96,6 +99,7 @@ pub(super) fn run<S: LinearSolver>(
         fit: best.fit,
         chi2: best.chi2,
         lambda,
+        converged: best.fit <= EPSILON,
         work: state.data.work,
         history: state.history,
     })
@@ -178,9 +182,12 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
         let progress = Progress {
             stage: Stage::Volume,
             work: self.data.work,
+            objective,
             fit: misfit.fit,
             chi2,
             lambda: self.lambda,
+            cells: self.data.grid().cells(),
+            iterate: None,
         };
         if (self.observer)(&progress) {
             Ok((objective, slope))

@@ -1,4 +1,9 @@
-//! The smoothness term: Σ over inner faces of the squared step.
+//! The smoothness term R(u) = V^(−1/3) ∫ ‖∇u‖² + ((u − u₀)/ℓ)² dV, u = log κ or log μ, V a cell's volume.
+//!
+//! The first part is what counts. The second is a weak pull towards the homogeneous start u₀, with the
+//! block's longest edge ℓ: what neither images nor neighbours determine would else drift by powers of
+//! ten as λ falls (together both are the prior of a random field whose correlation reaches as far as
+//! the block does).
 
 use material::Grid;
 
@@ -9,8 +14,25 @@ pub(crate) fn step_weights(grid: &Grid) -> [f64; 3] {
     grid.spacing_mm().map(|h| volume / (h * h) / volume.cbrt())
 }
 
-/// R(u) = Σ_faces c_a (u_b − u_a)², a finite-difference ‖∇u‖². Adds `scale` · ∂R/∂u to `gradient`
-/// and returns R.
+/// What one cell's (u − u₀)² counts: V^⅔/ℓ².
+pub(crate) fn pull(grid: &Grid) -> f64 {
+    let longest = grid.size_mm().into_iter().fold(0.0, f64::max);
+    grid.cell_volume_mm3().powf(2.0 / 3.0) / (longest * longest)
+}
+
+/// Σ_cells V^⅔ ((u − u₀)/ℓ)². Adds its derivative to `gradient`.
+pub(crate) fn squared_distance(grid: &Grid, u: &[f64], centre: f64, gradient: &mut [f64]) -> f64 {
+    let pull = pull(grid);
+    let mut total = 0.0;
+    for (u, g) in u.iter().zip(gradient) {
+        total += pull * (u - centre) * (u - centre);
+        *g += 2.0 * pull * (u - centre);
+    }
+    total
+}
+
+/// Σ_faces c_a (u_b − u_a)², a finite-difference V^(−1/3) ∫ ‖∇u‖² dV. Adds `scale` times its
+/// derivative to `gradient` and returns its value.
 pub(crate) fn squared_gradient(grid: &Grid, u: &[f64], scale: f64, gradient: &mut [f64]) -> f64 {
     let cells = grid.cells();
     let weights = step_weights(grid);

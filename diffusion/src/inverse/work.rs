@@ -1,9 +1,10 @@
 //! What an inverse solve costs, counted.
 
 use crate::SolveReport;
+use serde::{Deserialize, Serialize};
 
 /// Solves and what they took.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Work {
     /// Gradient evaluations.
     pub gradient_evaluations: usize,
@@ -21,5 +22,15 @@ impl Work {
         self.linear_solves += fields;
         self.fine_solves += fields as f64;
         self.fine_iterations += (fields * report.iterations) as f64;
+    }
+
+    /// Adds what was done on a grid whose cells are `share` times those of the finest in number.
+    pub(crate) fn with(self, other: Self, share: f64) -> Self {
+        Self {
+            gradient_evaluations: self.gradient_evaluations + other.gradient_evaluations,
+            linear_solves: self.linear_solves + other.linear_solves,
+            fine_solves: self.fine_solves + share * other.fine_solves,
+            fine_iterations: self.fine_iterations + share * other.fine_iterations,
+        }
     }
 }

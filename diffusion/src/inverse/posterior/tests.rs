@@ -52,6 +52,7 @@ impl Case {
             fit: 0.0,
             chi2: 0.0,
             lambda: 1e-4,
+            converged: true,
             work: Work::default(),
             history: Vec::new(),
         };
