@@ -12,6 +12,7 @@ use material::{
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
+use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -332,9 +333,8 @@ fn the_page_of_a_large_block_is_small() {
     let mut volume = |mean: f32| -> Vec<f32> {
         let value = |i: usize| {
             let [x, y, z] = [i % nx, i / nx % ny, i / nx / ny].map(|v| v as f32);
-            let wave = |turn: f32, cells: f32| {
-                ((x * turn.cos() + y * turn.sin() + z) * 6.283 / cells).sin()
-            };
+            let wave =
+                |turn: f32, cells: f32| ((x * turn.cos() + y * turn.sin() + z) * TAU / cells).sin();
             let log = 0.4 * wave(0.3, 120.0)
                 + 0.3 * wave(1.2, 31.0)
                 + 0.15 * wave(2.1, 13.0)
