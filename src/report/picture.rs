@@ -8,7 +8,7 @@ use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
 
 /// Steps of a scale of colours: a step in lightness is hardly seen, and noise below it, which would make
 /// up most of a large page, is not shown.
-const STEPS: u8 = 64;
+const STEPS: u8 = 96;
 
 /// A picture as a `data:` address: bytes of `RGB`, or places in a palette where there is one.
 fn data_uri(
@@ -120,7 +120,7 @@ mod tests {
         let [first, middle, last] = [0.0, 0.5, 1.0].map(sequential);
         let near = sequential((0.11_f64 / 0.1).ln() / 100_f64.ln());
         assert_eq!(seen[..5], [first, middle, last, last, MASKED]);
-        // Half a step of 64 in lightness is 0.006 of 1, a few codes of 255.
+        // Half a step of 96 in lightness is 0.004 of 1, a few codes of 255.
         assert!(
             seen[5].iter().zip(near).all(|(a, b)| a.abs_diff(b) <= 4),
             "{:?} {near:?}",

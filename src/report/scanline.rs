@@ -139,6 +139,9 @@ mod tests {
         assert!(svg.contains("class=\"seen y\" d=\"M118.5 52.0h0L275.5 6.0\""), "{svg}");
         assert!(svg.contains("class=\"again y\" d=\"M118.5 52.0h0L275.5 52.0\""), "{svg}");
         assert!(svg.contains(">200 %</text>") && svg.contains(">5.0 mm</text>"), "{svg}");
+        let gap = [Some(1.0), None, Some(3.0)];
+        let gap = path(&gap, &|i| i as f64, &|v| v);
+        assert_eq!(gap, "M0.0 1.0h0M2.0 3.0h0");
         let masked = pattern(vec![0.0, 0.0, 1.0, 1.0], vec![1.0, 1.0, f64::INFINITY, 1.0]);
         let svg = scanline(&masked, &relit, 2, 1, 5.0, 2.0);
         assert!(svg.contains("class=\"seen y\" d=\"M275.5 6.0h0\""), "{svg}");
