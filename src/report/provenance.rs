@@ -120,7 +120,7 @@ fn all(what: &str, inputs: &[Input]) -> String {
     };
     let rows: String = inputs.iter().map(row).collect();
     format!(
-        "<details><summary>{what} {}</summary><div class=\"wide\"><table><thead><tr><th>file</th><th>BLAKE3</th></tr>\
+        "<details class=\"long\"><summary>{what} {}</summary><div class=\"wide\"><table><thead><tr><th>file</th><th>BLAKE3</th></tr>\
          </thead>{rows}</table></div></details>",
         counted(inputs.len(), "input")
     )
