@@ -112,7 +112,7 @@ pub(crate) fn counted(n: usize, one: &str) -> String {
 }
 
 /// In the unit that people would use.
-fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 90.0 => format!("{s:.0} s"),
         s if s < 5400.0 => format!("{:.0} min", s / 60.0),

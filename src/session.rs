@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use way_out::quoted;
 
 /// What makes a folder a session.
-const FILE: &str = "session.toml";
+pub(crate) const FILE: &str = "session.toml";
 
 /// Version of `session.toml` that this program writes, and the newest that it reads.
 const VERSION: u32 = 1;

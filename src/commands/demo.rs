@@ -11,6 +11,9 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
 
+/// The figures of a demo, in its session.
+pub(crate) const SUMMARY: &str = "summary.json";
+
 /// Acquire a material on the simulated rig, from nothing to a report
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane demo --out demo --sample marble --seed 3")]
@@ -62,7 +65,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     };
     let conversion = Conversion { unit: SceneUnit::Millimetre, impossible: Impossible::Clamp };
     export::export(&session, conversion, Overwrite::Replace)?;
-    let (page, verdict) = report::report(&session, None, Overwrite::Replace)?;
+    let reported = report::report(&session, None, Overwrite::Replace)?;
+    let (page, verdict) = (reported.path, reported.verdict);
     let seconds = started.elapsed().as_secs_f64();
     let summary = json!({
         "fit": checked.fit,
@@ -74,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "images": session.path("measurement/hdr"),
         "verdict": verdict,
     });
-    session.write_json("summary.json", &summary, Overwrite::Replace)?;
+    session.write_json(SUMMARY, &summary, Overwrite::Replace)?;
     let mut text = match &verdict {
         Some(v) => format!("{}: {}, {}\n", session.config.sample.name, v.grade.word(), v.reason()),
         None => format!("{}\n", session.config.sample.name),

@@ -9,7 +9,7 @@ use crate::output::{Done, Progress, counted};
 use crate::sensor::{Sensor, Source};
 use crate::session::{RigConfig, Session};
 use crate::steps::{self, Ledger, made_from};
-use calibration::{rectify, write_exr};
+use calibration::{HdrImage, rectify, write_exr};
 use material::Overwrite;
 use rig::{BLACK_SHOT, Purpose, Shot};
 use serde_json::json;
@@ -88,13 +88,32 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
 }
 
-/// Merges every shot of the sample and lays it onto the grid; and says what was taken for the
-/// camera's noise.
+/// Merges every shot of the sample, lays it onto the grid and writes the measurement; and says what
+/// was taken for the camera's noise.
 pub(crate) fn measure(
     session: &Session,
     overwrite: Overwrite,
 ) -> Result<(Measured, Source), Failure> {
     session.refuse_existing(ARRAYS, overwrite)?;
+    let ledger = Ledger::of(session)?;
+    // As it is before the work: a file that is replaced meanwhile shows.
+    let inputs = made_from::inputs(&made_from::measurement(&ledger)?);
+    let (measured, source) = derive(&ledger, |shot, light| {
+        let exr = session.result(&format!("measurement/hdr/{shot}.exr"))?;
+        // Pictures are there to be looked at; the arrays are what counts as the finished result.
+        Ok(write_exr(&exr, light, Overwrite::Replace)?)
+    })?;
+    measured.save(session, inputs, overwrite)?;
+    Ok((measured, source))
+}
+
+/// The measurement as it follows from the frames and the calibration; `keep` gets each shot's name
+/// and radiance in the camera's picture. Nothing is written.
+pub(crate) fn derive(
+    ledger: &Ledger<'_>,
+    mut keep: impl FnMut(&str, &HdrImage) -> Result<(), Failure>,
+) -> Result<(Measured, Source), Failure> {
+    let session = ledger.session;
     if let RigConfig::Imported = session.config.rig {
         return Err(Failure::input(
             "the pictures of this session were imported, and measured then",
@@ -102,11 +121,8 @@ pub(crate) fn measure(
     }
     let found = calibrate::load(session)?;
     let plan = adaptive::sample_plan(session)?;
-    let ledger = Ledger::of(session)?;
-    steps::check_frames(&ledger, &plan, "capture SESSION")?;
-    steps::warn(&ledger, "measurement")?;
-    // As it is before the work: a file that is replaced meanwhile shows.
-    let inputs = made_from::inputs(&made_from::measurement(&ledger)?);
+    steps::check_frames(ledger, &plan, "capture SESSION")?;
+    steps::warn(ledger, "measurement")?;
     let grid = &session.config.sample.grid;
     let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
     if found.irradiance.len() != nx * ny {
@@ -139,9 +155,7 @@ pub(crate) fn measure(
         }
         progress.set(done, &shot.name);
         let light = subtract(merged(shot)?, &black);
-        let exr = session.result(&format!("measurement/hdr/{}.exr", shot.name))?;
-        // Pictures are there to be looked at; the arrays are what counts as the finished result.
-        write_exr(&exr, &light, Overwrite::Replace)?;
+        keep(&shot.name, &light)?;
         let map = rectify(&light, &found.front, [nx, ny], [hx, hy])?;
         let face = nx * ny;
         let irradiance = adaptive::irradiance(shot, &found, [nx, ny])?;
@@ -162,7 +176,6 @@ pub(crate) fn measure(
     }
     let channels = CHANNELS.map(str::to_owned).to_vec();
     let measured = Measured { patterns, cells: [nx, ny], channels };
-    measured.save(session, inputs, overwrite)?;
     progress.finish(&counted(measured.patterns.len(), "pattern"));
     Ok((measured, source))
 }

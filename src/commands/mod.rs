@@ -21,3 +21,4 @@ pub(crate) mod solve;
 pub(crate) mod status;
 pub(crate) mod study;
 pub(crate) mod verify;
+mod verify_strict;

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::output::{Done, check_output};
 use crate::report::{Verdict, page};
 use crate::session::Session;
-use crate::steps::{Ledger, State, made_from, steps};
+use crate::steps::{Ledger, State, Step, made_from, of_ledger};
 use material::{Input, Overwrite, atomic_write};
 use serde_json::json;
 use std::io::Write;
@@ -30,8 +30,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
-    let (path, verdict) = report(&session, args.output.as_deref(), overwrite)?;
-    let steps = steps(&session)?;
+    let Reported { path, verdict, steps } = report(&session, args.output.as_deref(), overwrite)?;
     let in_state = |states: &[State]| -> Vec<&str> {
         let those = steps.iter().filter(|s| s.name != "report" && states.contains(&s.state));
         those.map(|s| s.name).collect()
@@ -61,12 +60,20 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     Ok(Done::new(json, text))
 }
 
+/// A page that was written.
+pub(crate) struct Reported {
+    pub path: PathBuf,
+    pub verdict: Option<Verdict>,
+    /// The session's steps as the page tells them.
+    pub steps: Vec<Step>,
+}
+
 /// Writes the page and tells where it is and what it says.
 pub(crate) fn report(
     session: &Session,
     output: Option<&Path>,
     overwrite: Overwrite,
-) -> Result<(PathBuf, Option<Verdict>), Failure> {
+) -> Result<Reported, Failure> {
     let path = match output {
         Some(path) => path.to_owned(),
         None => {
@@ -75,11 +82,14 @@ pub(crate) fn report(
         }
     };
     check_output(&path, overwrite)?;
-    let inputs = made_from::inputs(&made_from::report(&Ledger::of(session)?)?);
-    let (page, verdict) = page(session)?;
+    // One ledger for all, so that each file is hashed once.
+    let ledger = Ledger::of(session)?;
+    let inputs = made_from::inputs(&made_from::report(&ledger)?);
+    let steps = of_ledger(&ledger)?;
+    let (page, verdict) = page(&ledger, &steps)?;
     let page = with_inputs(&page, &inputs)?;
     atomic_write(&path, overwrite, |file| file.write_all(page.as_bytes()))?;
-    Ok((path, verdict))
+    Ok(Reported { path, verdict, steps })
 }
 
 /// What stands around the inputs in the page.

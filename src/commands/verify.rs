@@ -22,13 +22,18 @@ const TOLERANCE: f64 = 1e-5;
 
 /// Relight the material under every captured pattern, and under those kept out of the fit
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  diaphane verify my-wax")]
+#[command(
+    after_help = "Examples:\n  diaphane verify my-wax\n  diaphane verify my-wax --strict\n\nWith --strict nothing is written: every picture is hashed, calibration, measurement and figures are derived from them once more, and the first thing that is not as the session has it is told (exit code 2)."
+)]
 pub(crate) struct Args {
     /// Folder of the session
     session: PathBuf,
     /// Replace a verification that is there
-    #[arg(long)]
+    #[arg(long, conflicts_with = "strict")]
     force: bool,
+    /// Derive everything again from the pictures, and say what differs from what is there
+    #[arg(long)]
+    strict: bool,
 }
 
 /// Errors of the relit images.
@@ -58,6 +63,9 @@ pub(crate) struct PatternError {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let session = Session::open(&args.session)?;
+    if args.strict {
+        return super::verify_strict::run(&session);
+    }
     let overwrite = if args.force { Overwrite::Replace } else { Overwrite::Refuse };
     let result = verify(&session, overwrite)?;
     let mut text = String::new();
@@ -89,7 +97,13 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
     let ledger = Ledger::of(session)?;
     steps::warn(&ledger, "verification")?;
     let inputs = made_from::inputs(&made_from::verification(&ledger));
-    let measured = Measured::load(session)?;
+    let result = Verification { inputs, ..compare(session, &Measured::load(session)?)? };
+    session.write_json(RESULT, &result, overwrite)?;
+    Ok(result)
+}
+
+/// What a verification would say of a measurement; its inputs are left empty, and nothing is written.
+pub(crate) fn compare(session: &Session, measured: &Measured) -> Result<Verification, Failure> {
     let material = load_material(session)?;
     let maps: Vec<Vec<f64>> = measured.patterns.iter().map(|p| p.irradiance.clone()).collect();
     if material.channels().len() != measured.channels.len() {
@@ -130,17 +144,15 @@ pub(crate) fn verify(session: &Session, overwrite: Overwrite) -> Result<Verifica
     }
     let [(error, energy), (held_error, held_energy)] = sums;
     let by_channel = against_truth(session, &material)?;
-    let result = Verification {
+    Ok(Verification {
         fit: error / energy,
         heldout_rel_rms: (held_energy > 0.0).then(|| (held_error / held_energy).sqrt()),
         bssrdf_error: (!by_channel.is_empty())
             .then(|| by_channel.iter().sum::<f64>() / by_channel.len() as f64),
         bssrdf_error_by_channel: by_channel,
         patterns,
-        inputs,
-    };
-    session.write_json(RESULT, &result, overwrite)?;
-    Ok(result)
+        inputs: Vec::new(),
+    })
 }
 
 /// E of every channel where the sample is simulated; nothing where nobody knows the truth.

@@ -7,6 +7,7 @@ use crate::report::chart::round_step;
 use crate::report::colour::diverging;
 use crate::report::html::escape;
 use crate::report::picture;
+use crate::report::scanline::{row, scanline};
 use material::{Grid, Material};
 
 /// The radiance that is shown white: all but the brightest 0.5 % of the values lie below it.
@@ -86,7 +87,8 @@ pub(crate) fn compared(
         "<p>The front face under every pattern: as captured, relit from the material, and relit minus captured. \
          Linear light in sRGB; captured and relit share one exposure, at which all but the brightest 0.5 % of the \
          captured picture is below white. The difference is the mean of the channels in percent of that white, on one \
-         scale for all; grey cells were not compared.</p>\
+         scale for all; grey cells were not compared. Below each, radiance along the row between the marks, in percent of that white: the \
+         wide pale lines are captured, the thin ones relit.</p>\
          <div class=\"bar\" style=\"background:linear-gradient(90deg,{})\"></div>\
          <div class=\"ticks\"><span style=\"left:0\">−{percent} % relit darker</span><span style=\"left:50%\">0</span>\
          <span style=\"left:100%\">relit brighter +{percent} %</span></div><div class=\"patterns\">",
@@ -94,18 +96,29 @@ pub(crate) fn compared(
     );
     for (m, (pattern, (white, values))) in measured.patterns.iter().zip(&differences).enumerate() {
         let grid = material.grid();
+        let images = relit(m);
         let captured = picture::radiance(measured.cells, &pattern.radiance, *white)?;
-        let again = picture::radiance(measured.cells, &relit(m), *white)?;
+        let again = picture::radiance(measured.cells, &images, *white)?;
         let signed = picture::signed(measured.cells, values, limit)?;
         let error = checked
             .and_then(|v| v.patterns.iter().find(|p| p.name == pattern.name))
             .map_or(String::new(), |p| format!("{:.2} % relative RMS", 100.0 * p.rel_rms));
+        let [nx, ny] = measured.cells;
+        let row = row(pattern, [nx, ny]);
+        let place = 100.0 * (row as f64 + 0.5) / ny as f64;
         out += "<figure><div class=\"three\">";
         for (uri, what) in [(captured, "captured"), (again, "relit"), (signed, "difference")] {
             let alt = format!("{}: {what}", pattern.name);
-            out += &format!("<div>{}<span>{what}</span></div>", picture_tag(&uri, grid, &alt));
+            out += &format!(
+                "<div><div class=\"marked\" style=\"--row:{place:.1}%\">{}</div><span>{what}</span></div>",
+                picture_tag(&uri, grid, &alt)
+            );
         }
-        out += &format!("</div>{}</figure>", caption(pattern, *white, &error));
+        out += &format!(
+            "</div>{}{}</figure>",
+            scanline(pattern, &images, nx, row, grid.size_mm()[0], *white),
+            caption(pattern, *white, &error)
+        );
     }
     Ok(out + "</div>")
 }

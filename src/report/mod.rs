@@ -2,16 +2,21 @@
 //! from. One HTML file that needs nothing else.
 
 mod additivity;
+mod again;
 mod bar;
 mod calibration;
 mod chart;
 pub(crate) mod colour;
+mod convergence;
 mod depths;
+mod exposures;
 mod html;
 mod images;
 mod picture;
 mod provenance;
 mod resolution;
+mod scanline;
+mod timeline;
 mod verdict;
 mod volumes;
 
@@ -19,15 +24,15 @@ pub(crate) use calibration::calibration_page;
 pub(crate) use verdict::Verdict;
 
 use crate::Failure;
+use crate::adaptive;
 use crate::commands::calibrate::{self, Calibrated};
 use crate::commands::solve::{CONVERGENCE, Convergence, MATERIAL};
 use crate::commands::verify::{RESULT, Verification};
 use crate::measurement::{ARRAYS, Measured};
 use crate::output::counted;
 use crate::session::Session;
-use crate::steps::{State, Step, rests_on, steps};
-use chart::{Line, logarithmic};
-use html::{capital, escape, facts, section};
+use crate::steps::{Ledger, State, Step, rests_on};
+use html::{capital, escape, section};
 use material::{Face, Material};
 
 /// What a session holds so far.
@@ -57,9 +62,12 @@ impl Found {
     }
 }
 
-/// The page, and the verdict on it where there is one.
-pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failure> {
-    let steps = steps(session)?;
+/// The page, and the verdict on it where there is one; `steps` are those of the ledger's session.
+pub(crate) fn page(
+    ledger: &Ledger<'_>,
+    steps: &[Step],
+) -> Result<(String, Option<Verdict>), Failure> {
+    let session = ledger.session;
     let shown = |s: &&Step| s.state == State::Damaged && rests_on("report").contains(&s.name);
     if let Some(damaged) = steps.iter().find(shown) {
         let error = format!("{}: {}", damaged.name, damaged.told());
@@ -72,10 +80,10 @@ pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failu
     }
     let verdict = found.verification.as_ref().map(Verdict::of);
     let mut body = head(session, &found);
-    body += &out_of_date(&steps);
+    body += &out_of_date(steps);
     body += &match &verdict {
         Some(verdict) => judged(verdict),
-        None => unjudged(&steps),
+        None => unjudged(steps),
     };
     let warnings = found.material.as_ref().map_or(Vec::new(), crate::regime::warnings);
     if !warnings.is_empty() {
@@ -95,13 +103,26 @@ pub(crate) fn page(session: &Session) -> Result<(String, Option<Verdict>), Failu
         body += &section("Inside the material", &inside);
     }
     if let Some(convergence) = &found.convergence {
-        body += &section("How the solve went", &converged(convergence));
+        body += &section("How the solve went", &convergence::converged(convergence));
     }
     if let Some(calibration) = &found.calibration {
-        body += &section("Calibration", &calibrated(calibration));
+        body += &section("Calibration", &calibration::summary(calibration)?);
     }
-    body += &section("Where it comes from", &provenance::table(session, found.material.as_ref())?);
-    Ok((html::page(&session.config.sample.name, "", &body), verdict))
+    let journal = &ledger.journal;
+    if let Some(table) = exposures::exposures(session, journal, &adaptive::sample_plan(session)?) {
+        body += &section("Exposures", &table);
+    }
+    if let Some(told) = timeline::timeline(journal) {
+        body += &section("The capture", &told);
+    }
+    let origin = provenance::provenance(
+        ledger,
+        found.material.as_ref(),
+        found.convergence.as_ref(),
+        found.calibration.as_ref(),
+    )?;
+    body += &section("Where it comes from", &origin);
+    Ok((html::page(&session.config.sample.name, calibration::STYLE, &body), verdict))
 }
 
 fn head(session: &Session, found: &Found) -> String {
@@ -203,94 +224,4 @@ fn unjudged(steps: &[Step]) -> String {
         "<div class=\"verdict unfinished\"><strong>not finished</strong><p>There is no verdict yet. \
          What is missing, and the command that makes it:</p><table class=\"facts\">{rows}</table></div>\n"
     )
-}
-
-fn converged(convergence: &Convergence) -> String {
-    let classes = ["r", "g", "b"];
-    let lines: Vec<Line<'_>> = convergence
-        .channels
-        .iter()
-        .enumerate()
-        .map(|(i, c)| Line { name: &c.channel, class: classes[i % 3], values: &c.history })
-        .collect();
-    let chart = logarithmic(&lines, "gradient evaluations", "fit").unwrap_or_default();
-    let rows: String = convergence
-        .channels
-        .iter()
-        .map(|c| {
-            format!(
-                "<tr><td>{}</td><td>{:.2e}</td><td>{:.2}</td><td>{:.1e}</td><td>{:.3}</td><td>{}</td><td>{}</td><td>{:.3} mm</td><td>{:.4} /mm</td></tr>",
-                escape(&c.channel),
-                c.fit,
-                c.chi2,
-                c.lambda,
-                c.gain,
-                c.gradient_evaluations,
-                c.linear_solves,
-                c.homogeneous_kappa_mm,
-                c.homogeneous_mu_per_mm
-            )
-        })
-        .collect();
-    let cut_off = convergence.cut_off().map_or(String::new(), |cut_off| {
-        format!(
-            "<p><b>The solve {}.</b> κ and μ are not yet what the pictures say.</p>",
-            escape(cut_off)
-        )
-    });
-    format!(
-        "{cut_off}<p>Fit, Σ(L − L′)² / ΣL², after each gradient evaluation. {:.0} s in all. χ²/N near 1 means that what is \
-         left is noise; a gain near 1 means that the radiometry is right.</p>{chart}\
-         <div class=\"wide\"><table><thead><tr><th>channel</th><th>fit</th><th>χ²/N</th><th>λ</th><th>gain</th>\
-         <th>gradients</th><th>solves</th><th>start κ</th><th>start μ</th></tr></thead>{rows}</table></div>",
-        convergence.seconds
-    )
-}
-
-fn calibrated(c: &Calibrated) -> String {
-    let device = |d: &::calibration::Device| {
-        let m = &d.model;
-        let [k1, k2, p1, p2, ..] = m.distortion;
-        format!(
-            "{:.3} px RMS; focal lengths {:.1}, {:.1} px; principal point {:.1}, {:.1} px; \
-             distortion ({}) {k1:.4} {k2:.4} {p1:.4} {p2:.4}",
-            d.rms_px,
-            m.fx,
-            m.fy,
-            m.cx,
-            m.cy,
-            d.selection.distortion.name()
-        )
-    };
-    let geometry = &c.geometry;
-    let verdict = &c.verdict;
-    let mut rows = vec![
-        ("Geometry", format!("{}. {}", verdict.grade.word(), verdict.sentence())),
-        ("Camera", format!("{} views; {}", geometry.views.len(), device(&geometry.camera))),
-    ];
-    if let Some(projector) = &geometry.projector {
-        rows.push(("Projector", device(&projector.device)));
-        rows.push((
-            "Baseline",
-            format!(
-                "{:.1} ± {:.1} mm",
-                projector.baseline_mm, projector.baseline_standard_deviation_mm
-            ),
-        ));
-    }
-    rows.extend([
-        ("Front face", format!("{:.3} px RMS", c.front_rms_px)),
-        (
-            "Response",
-            if c.response.is_strictly_increasing() {
-                "strictly increasing"
-            } else {
-                "not strictly increasing"
-            }
-            .into(),
-        ),
-        ("White balance", c.white_balance.gains.map(|g| format!("{g:.4}")).join(", ")),
-        ("White by chart and by sheet", format!("differ by {:.2} %", 100.0 * c.white_disagreement)),
-    ]);
-    facts(&rows)
 }

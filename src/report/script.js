@@ -13,5 +13,5 @@ if (slider) {
   slider.closest(".slider").classList.remove("off");
   show();
 }
-// Paper shows every slice.
-addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(d => { d.open = true; }));
+// Paper shows every slice, but no lists of hashes that go on for pages.
+addEventListener("beforeprint", () => document.querySelectorAll("details:not(.long)").forEach(d => { d.open = true; }));

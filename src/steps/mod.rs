@@ -119,7 +119,8 @@ pub(crate) fn steps(session: &Session) -> Result<Vec<Step>, Failure> {
     of_ledger(&Ledger::of(session)?)
 }
 
-fn of_ledger(ledger: &Ledger<'_>) -> Result<Vec<Step>, Failure> {
+/// As [`steps`], where somebody has the ledger already.
+pub(crate) fn of_ledger(ledger: &Ledger<'_>) -> Result<Vec<Step>, Failure> {
     let session = ledger.session;
     let mut out = Vec::new();
     match session.config.rig {

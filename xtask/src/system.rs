@@ -28,6 +28,7 @@ const NEEDS: &[Need] = &[
     Need { packages: &["libxkbcommon-x11-0"], what_for: "the projector's window" },
     Need { packages: &["xvfb"], what_for: "a screen in memory, for tests and the twin" },
     Need { packages: &["imagemagick"], what_for: "looks at screens, for tests" },
+    Need { packages: &["chromium", "chromium-browser"], what_for: "looks at reports, for tests" },
     Need { packages: &["python3-openvdb"], what_for: "reads exported volumes, for tests" },
     Need { packages: &["libopenvdb-tools"], what_for: "reads exported volumes, for tests" },
     Need { packages: &["xserver-xorg-core"], what_for: "two screens in memory, for tests" },

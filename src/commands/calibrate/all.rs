@@ -185,18 +185,35 @@ pub(crate) fn described(session: &Session) -> Result<(Board, NoiseModel), Failur
 /// Calibrates and writes the result.
 pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrated, Failure> {
     session.refuse_existing(RESULT, overwrite)?;
+    let ledger = Ledger::of(session)?;
+    let found = derive(&ledger, |geometry, assessment| {
+        write_evidence(session, geometry, assessment, overwrite)
+    })?;
+    go_on()?;
+    session.write_json(RESULT, &found, overwrite)?;
+    Ok(found)
+}
+
+/// The calibration as it follows from its pictures; `keep` gets the geometry and what is to be said
+/// about it. Nothing is written.
+pub(crate) fn derive(
+    ledger: &Ledger<'_>,
+    keep: impl FnOnce(&Geometry, &Assessment) -> Result<(), Failure>,
+) -> Result<Calibrated, Failure> {
+    let session = ledger.session;
     let (board, noise) = described(session)?;
     let plan = &session.config.plan;
-    let ledger = Ledger::of(session)?;
     let pictures = session.acquisition().calibration_plan();
-    steps::check_frames(&ledger, &pictures, "calibrate all SESSION")?;
-    let inputs = made_from::inputs(&made_from::calibration(&ledger)?);
+    steps::check_frames(ledger, &pictures, "calibrate all SESSION")?;
+    let inputs = made_from::inputs(&made_from::calibration(ledger)?);
     let mut progress = Progress::new("calibrate", 5);
 
     progress.set(0, "camera and projector");
     let (geometry, missed) = session_geometry(session, &board)?;
     go_on()?;
-    let verdict = write_evidence(session, &geometry, &missed, overwrite)?;
+    let assessment = Assessment::of(&geometry, &missed)?;
+    keep(&geometry, &assessment)?;
+    let verdict = assessment.verdict;
     let camera = geometry.camera.model;
 
     go_on()?;
@@ -256,14 +273,12 @@ pub(crate) fn solve(session: &Session, overwrite: Overwrite) -> Result<Calibrate
         white_disagreement,
         inputs,
     };
-    go_on()?;
-    session.write_json(RESULT, &found, overwrite)?;
     progress.finish("done");
     Ok(found)
 }
 
 /// Ends the work where Ctrl-C was pressed; nothing is written then.
-pub(super) fn go_on() -> Result<(), Failure> {
+pub(crate) fn go_on() -> Result<(), Failure> {
     if STOP.load(Ordering::Relaxed) {
         return Err(Failure::other("interrupted; the pictures are kept, nothing was replaced")
             .hint("the same command goes on from here"));
@@ -275,15 +290,14 @@ pub(super) fn go_on() -> Result<(), Failure> {
 fn write_evidence(
     session: &Session,
     geometry: &Geometry,
-    missed: &[String],
+    assessment: &Assessment,
     overwrite: Overwrite,
-) -> Result<Verdict, Failure> {
-    let assessment = Assessment::of(geometry, missed)?;
+) -> Result<(), Failure> {
     let title = format!("Calibration of {}", session.config.sample.name);
-    let page = calibration_page(&title, geometry, &assessment)?;
+    let page = calibration_page(&title, geometry, assessment)?;
     // The result is written last; evidence without it is what an interrupted run left behind.
     let overwrite = if session.path(RESULT).exists() { overwrite } else { Overwrite::Replace };
     write_geometry(&session.result(GEOMETRY)?, geometry, overwrite)?;
     atomic_write(&session.result(PAGE)?, overwrite, |file| file.write_all(page.as_bytes()))?;
-    Ok(assessment.verdict)
+    Ok(())
 }

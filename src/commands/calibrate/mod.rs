@@ -18,7 +18,9 @@ mod projector;
 mod response;
 mod swatches;
 
-pub(crate) use all::{Calibrated, RESULT, described, is_done, lit_plane, load, solve};
+pub(crate) use all::{
+    Calibrated, RESULT, derive, described, go_on, is_done, lit_plane, load, solve,
+};
 pub(crate) use frames::{frame_and_time, merge_shot, subtract};
 
 use crate::Failure;

@@ -6,6 +6,7 @@ mod field;
 mod maps;
 mod residuals;
 mod scatter;
+mod summary;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -14,6 +15,11 @@ use crate::Failure;
 use crate::output::counted;
 use crate::report::html::{self, capital, escape, section};
 use ::calibration::{Assessment, Device, DeviceAssessment, Geometry, PointResidual, Sight};
+
+pub(crate) use summary::summary;
+
+/// What the pictures of a calibration need beside the style that all pages share.
+pub(crate) const STYLE: &str = include_str!("style.css");
 
 /// One device with everything that the page shows of it.
 struct Shown<'a> {
@@ -25,7 +31,33 @@ struct Shown<'a> {
     points: Vec<&'a PointResidual>,
 }
 
-impl Shown<'_> {
+impl<'a> Shown<'a> {
+    /// The camera, and the projector where there is one.
+    fn of(
+        geometry: &'a Geometry,
+        assessment: &'a Assessment,
+        residuals: &'a [PointResidual],
+    ) -> Vec<Self> {
+        let points = |lit: bool| {
+            let finite = |r: &&PointResidual| {
+                r.pixel.iter().chain(&r.residual_px).all(|v| v.is_finite())
+                    && (r.sight != Sight::Printed) == lit
+            };
+            residuals.iter().filter(finite).collect()
+        };
+        let mut shown = vec![Self {
+            name: "camera",
+            device: &geometry.camera,
+            assessed: &assessment.camera,
+            points: points(false),
+        }];
+        if let (Some(projector), Some(assessed)) = (&geometry.projector, &assessment.projector) {
+            let (name, device) = ("projector", &projector.device);
+            shown.push(Self { name, device, assessed, points: points(true) });
+        }
+        shown
+    }
+
     fn size(&self) -> [f64; 2] {
         [self.device.model.width as f64, self.device.model.height as f64]
     }
@@ -50,23 +82,7 @@ pub(crate) fn calibration_page(
     assessment: &Assessment,
 ) -> Result<String, Failure> {
     let residuals = geometry.residuals();
-    let points = |lit: bool| {
-        let finite = |r: &&PointResidual| {
-            r.pixel.iter().chain(&r.residual_px).all(|v| v.is_finite())
-                && (r.sight != Sight::Printed) == lit
-        };
-        residuals.iter().filter(finite).collect()
-    };
-    let mut shown = vec![Shown {
-        name: "camera",
-        device: &geometry.camera,
-        assessed: &assessment.camera,
-        points: points(false),
-    }];
-    if let (Some(projector), Some(assessed)) = (&geometry.projector, &assessment.projector) {
-        let (name, device) = ("projector", &projector.device);
-        shown.push(Shown { name, device, assessed, points: points(true) });
-    }
+    let shown = Shown::of(geometry, assessment, &residuals);
     let mut body = head(title, geometry, &shown);
     body += &judged(assessment);
     body += &section("What was found", &tables::parameters(geometry));
@@ -79,7 +95,7 @@ pub(crate) fn calibration_page(
     if !(geometry.outliers.is_empty() && assessment.missed.is_empty()) {
         body += &section("What was left out", &tables::left_out(geometry, assessment));
     }
-    Ok(html::page(title, include_str!("style.css"), &body))
+    Ok(html::page(title, STYLE, &body))
 }
 
 fn head(title: &str, geometry: &Geometry, shown: &[Shown<'_>]) -> String {

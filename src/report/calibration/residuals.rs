@@ -12,17 +12,7 @@ use std::fmt::Write;
 const MOST: usize = 24;
 
 pub(super) fn residuals(geometry: &Geometry, shown: &[Shown<'_>]) -> Result<String, Failure> {
-    let together = Shown::each(shown, |s| {
-        let times = magnified(s);
-        let arrows = arrows(s, times, 1.0, |_| true);
-        let label = format!("residuals of the {}", s.name);
-        Ok(format!(
-            "<figure><figcaption><b>{}</b>: {:.3} px RMS, drawn {times} times as long</figcaption>{}</figure>",
-            s.name,
-            s.device.rms_px,
-            map(s.size(), &label, &arrows)
-        ))
-    })?;
+    let together = together(shown)?;
     let noise = Shown::each(shown, |s| Ok(scatter::cloud(s) + &scatter::histogram(s)))?;
     let mut order: Vec<usize> = (0..geometry.views.len()).collect();
     let rms = |i: &usize| geometry.views[*i].camera_rms_px;
@@ -55,6 +45,21 @@ pub(super) fn residuals(geometry: &Geometry, shown: &[Shown<'_>]) -> Result<Stri
          <h3>Is it noise?</h3><p>Noise is a round cloud without a hole or a tail, and its histogram \
          follows the normal law (the line) of the same spread.</p>{noise}"
     ))
+}
+
+/// All views of each device in one picture.
+pub(super) fn together(shown: &[Shown<'_>]) -> Result<String, Failure> {
+    Shown::each(shown, |s| {
+        let times = magnified(s);
+        let arrows = arrows(s, times, 1.0, |_| true);
+        let label = format!("residuals of the {}", s.name);
+        Ok(format!(
+            "<figure><figcaption><b>{}</b>: {:.3} px RMS, drawn {times} times as long</figcaption>{}</figure>",
+            s.name,
+            s.device.rms_px,
+            map(s.size(), &label, &arrows)
+        ))
+    })
 }
 
 /// How many times the arrows are magnified: a usual one is a fiftieth of the picture long.
