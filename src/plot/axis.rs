@@ -34,6 +34,16 @@ impl Axis {
         Some(Self::linear(label, [0.0, step * (high / step - 1e-9).ceil()]))
     }
 
+    /// Between the round values next to all values; None where there is no value.
+    pub fn around(label: &str, values: impl Iterator<Item = f64> + Clone) -> Option<Self> {
+        let finite = values.filter(|v| v.is_finite());
+        let (low, high) = (finite.clone().reduce(f64::min)?, finite.reduce(f64::max)?);
+        // Values that are all alike lie in the middle of a tenth of themselves.
+        let step = round_step(((high - low) / 4.0).max(0.02 * high.abs()));
+        let ends = [(low / step + 1e-9).floor() * step, (high / step - 1e-9).ceil() * step];
+        Some(Self::linear(label, [ends[0], ends[1].max(ends[0] + step)]))
+    }
+
     /// Whole decades around the values that a logarithm has; None where it has none.
     pub fn decades(label: &str, values: impl Iterator<Item = f64>) -> Option<Self> {
         let [low, high] = range(values)?.map(f64::log10);
@@ -152,6 +162,8 @@ mod tests {
         );
         let axis = Axis::from_zero("", [0.1, 2.3].into_iter()).unwrap();
         assert_eq!(names(&axis), ["0", "0.5", "1", "1.5", "2", "2.5"]);
+        let axis = Axis::around("", [0.131, 0.142].into_iter()).unwrap();
+        assert_eq!(names(&axis), ["0.13", "0.135", "0.14", "0.145"]);
         assert_eq!(names(&Axis::linear("", [-2.0, 1.0])), ["-2", "-1", "0", "1"]);
         assert!(Axis::decades("", [0.0].into_iter()).is_none());
         assert!(Axis::from_zero("", [f64::NAN].into_iter()).is_none());

@@ -26,6 +26,7 @@ pub(crate) struct Plot<'a> {
 
 /// One line of a plot.
 pub(crate) struct Line<'a> {
+    /// For the legend; empty where it shall not be in there.
     pub name: &'a str,
     /// CSS class: colour and dashes.
     pub class: &'a str,
@@ -113,7 +114,7 @@ impl Plot<'_> {
             );
         }
         self.lines.iter().for_each(|line| self.line(&mut out, line));
-        for (n, line) in self.lines.iter().enumerate() {
+        for (n, line) in self.lines.iter().filter(|l| !l.name.is_empty()).enumerate() {
             self.named(&mut out, n, line);
         }
         out

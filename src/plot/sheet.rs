@@ -13,8 +13,11 @@ const STYLE: &str = "text{fill:#444;font:13px sans-serif}.title{fill:#000;font-s
 .one{stroke:#c0392b}.two{stroke:#2471a3;stroke-dasharray:7 4}.three{stroke:#1e8449;stroke-dasharray:2 4}\
 .four{stroke:#b9770e;stroke-dasharray:9 3 2 3}.five{stroke:#7d3c98}.bound{stroke:#888;stroke-width:1.2;stroke-dasharray:4 4}\
 .plain{stroke:#888;stroke-width:1.2}.short{stroke-dasharray:2 3}.long{stroke-dasharray:7 4}.solid{stroke-dasharray:none}\
-.dot{stroke:none}.one.dot{fill:#c0392b}.two.dot{fill:#2471a3}.three.dot{fill:#1e8449}.four.dot{fill:#b9770e}\
+.dot{stroke:none}.plain.dot{fill:#888}.one.dot{fill:#c0392b}.two.dot{fill:#2471a3}.three.dot{fill:#1e8449}.four.dot{fill:#b9770e}\
 .five.dot{fill:#7d3c98}image{image-rendering:pixelated}";
+
+/// Above a plot that is not the first thing.
+const GAP: f64 = 12.0;
 
 /// Things are put below each other or side by side; what is put down last may make it larger.
 #[derive(Default)]
@@ -35,7 +38,7 @@ impl Sheet {
 
     /// A plot below everything.
     pub fn plot(&mut self, plot: &Plot<'_>) {
-        let top = self.height();
+        let top = if self.body.is_empty() { 0.0 } else { self.height() + GAP };
         let _ = write!(self.body, "<g transform=\"translate(0 {top})\">{}</g>", plot.markup());
         self.grow([plot.size[0], top + plot.size[1]]);
     }

@@ -24,6 +24,11 @@ pub(crate) struct Row {
     pub grid_e: f64,
 }
 
+/// Least n: lit from the front, one region that is all of the face leaves no pixel to look at.
+pub(crate) fn least(lit: Face) -> usize {
+    if lit == Face::Front { 2 } else { 1 }
+}
+
 /// As tables name a face.
 pub(crate) fn name(face: Face) -> &'static str {
     match face {

@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 
 /// λ over the one that the noise chooses.
-pub(crate) const FACTORS: [f64; 7] = [1e-4, 1e-3, 1e-2, 1.0, 1e2, 1e3, 1e4];
+pub(crate) const FACTORS: [f64; 7] = [1e-3, 1e-2, 0.1, 1.0, 10.0, 1e2, 1e3];
 /// Those that are shown in pictures.
-const SHOWN: [(f64, &str); 3] = [(1e4, "too large"), (1.0, "as chosen"), (1e-4, "too small")];
+const SHOWN: [(f64, &str); 3] = [(1e3, "too large"), (1.0, "as chosen"), (1e-3, "too small")];
 /// Regions along each side of the lit face.
 pub(crate) const REGIONS: usize = 4;
 /// The pattern whose picture is shown: one from the middle.

@@ -176,9 +176,10 @@ fn plots(scene: &Scene, rows: &[Row]) -> Vec<Plot<'static>> {
             legend: Legend::Beside,
         })
     };
-    let over = |figure: fn(&Row) -> [f64; 2], label: &str| {
-        Axis::steps(label, rows.iter().flat_map(move |r| figure(r)).collect::<Vec<_>>().into_iter())
-    };
+    let both =
+        |figure: fn(&Row) -> [f64; 2]| -> Vec<f64> { rows.iter().flat_map(figure).collect() };
+    let around = |figure, label: &str| Axis::around(label, both(figure).iter().copied());
+    let steps = |figure, label: &str| Axis::steps(label, both(figure).iter().copied());
     let kappa = vec![
         line("true", "plain", |r| r.kappa.truth),
         line("acquired", INKS[0], |r| r.kappa.acquired),
@@ -194,9 +195,13 @@ fn plots(scene: &Scene, rows: &[Row]) -> Vec<Plot<'static>> {
     let lowest = rows.iter().flat_map(|r| [r.kappa.correlation, r.mu.correlation]);
     let lowest = (5.0 * lowest.fold(0.0, f64::min)).floor() / 5.0;
     [
-        plot("κ: mean of each layer", over(|r| [r.kappa.truth, r.kappa.acquired], "κ, mm"), kappa),
-        plot("μ: mean of each layer", over(|r| [r.mu.truth, r.mu.acquired], "μ, 1/mm"), mu),
-        plot("Error in each layer", over(|r| [r.kappa.log_rms, r.mu.log_rms], ""), errors),
+        plot(
+            "κ: mean of each layer",
+            around(|r| [r.kappa.truth, r.kappa.acquired], "κ, mm"),
+            kappa,
+        ),
+        plot("μ: mean of each layer", around(|r| [r.mu.truth, r.mu.acquired], "μ, 1/mm"), mu),
+        plot("Error in each layer", steps(|r| [r.kappa.log_rms, r.mu.log_rms], ""), errors),
         plot(
             "Correlation with the true pattern in each layer",
             Some(Axis::linear("", [lowest, 1.0])),

@@ -3,7 +3,8 @@
 use super::common::{Block, Files, NOISE, Pace};
 use crate::Failure;
 use crate::output::Done;
-use crate::study::figure11::{Row, csv, describe, draw, measure, name};
+use crate::study::figure11::{Row, csv, describe, draw, least, measure, name};
+use crate::study::kept::Kept;
 use crate::study::solving::Device;
 use crate::study::truth::Truth;
 use material::Face;
@@ -12,7 +13,8 @@ use serde_json::json;
 /// The error of a material over the number of pictures (Wang et al. 2008, figure 11)
 ///
 /// A simulated block is lit on one of n x n regions after the other, from the back and then from the
-/// front, photographed with 2 % noise, and solved. E compares all of the acquired and the true BSSRDF.
+/// front, photographed with 2 % noise, and solved. Lit from the front, what is lit directly is masked, so n
+/// begins at 2 there. E compares all of the acquired and the true BSSRDF.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  diaphane study figure11 --out study\n  diaphane study figure11 --cells 72x72x10 --out study-patent"
@@ -32,13 +34,12 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let most = args.most as usize;
-    let scenes = [Face::Back, Face::Front].map(|lit| args.block.scene(args.seed, lit));
-    if let Ok(scene) = &scenes[0] {
-        let [nx, ny, _] = scene.grid.cells();
-        if most > nx.min(ny) {
-            let error = format!("--most: expected at most {}, one region a cell", nx.min(ny));
-            return Err(Failure::input(format!("{error}, found {most}")));
-        }
+    let scenes =
+        [args.block.scene(args.seed, Face::Back)?, args.block.scene(args.seed, Face::Front)?];
+    let [nx, ny, _] = scenes[0].grid.cells();
+    if most > nx.min(ny) {
+        let error = format!("--most: expected at most {}, one region a cell", nx.min(ny));
+        return Err(Failure::input(format!("{error}, found {most}")));
     }
     let written = args.files.open("figure11.csv", "figure11.svg")?;
     let settings = json!({ "block": json!(args.block.key()), "noise": NOISE, "seed": args.seed });
@@ -47,8 +48,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let key = |lit: Face, n: usize| format!("{} {n}", name(lit));
     // Pictures, and the E that is reckoned after each solve: as much as some 16 of them.
     let weight = |n: usize| (n * n + 16) as f64;
-    let todo = |kept: &crate::study::kept::Kept<Row>, lit: Face| -> Vec<usize> {
-        (1..=most).filter(|n| !kept.has(&key(lit, *n))).collect()
+    let todo = |kept: &Kept<Row>, lit: Face| -> Vec<usize> {
+        (least(lit)..=most).filter(|n| !kept.has(&key(lit, *n))).collect()
     };
     let weights: Vec<f64> = [Face::Back, Face::Front]
         .iter()
@@ -56,7 +57,6 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         .collect();
     let mut pace = Pace::new("figure 11", &weights);
     for scene in scenes {
-        let scene = scene?;
         let lit = name(scene.lit);
         let missing = todo(&kept, scene.lit);
         if missing.is_empty() {

@@ -3,6 +3,7 @@
 use super::common::{Block, Files, Pace};
 use crate::Failure;
 use crate::output::Done;
+use crate::study::kept::Kept;
 use crate::study::methods::{METHODS, Row, Traced, csv, describe, draw, measure, ratios};
 use crate::study::solving::Device;
 use crate::study::truth::Truth;
@@ -47,7 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let key = |seed: u64, method: &str| format!("{seed} {method}");
     // The paper's method takes several times as long.
     let weight = |method: &str| if method == METHODS[0].0 { 5.0 } else { 1.0 };
-    let missing = |kept: &crate::study::kept::Kept<Traced>, seed: u64| {
+    let missing = |kept: &Kept<Traced>, seed: u64| {
         METHODS.into_iter().filter(|(name, _)| !kept.has(&key(seed, name))).collect::<Vec<_>>()
     };
     let weights: Vec<f64> = seeds
