@@ -179,3 +179,39 @@ pub(crate) fn draw(rows: &[&Traced], title: &str) -> Option<String> {
     sheet.plot(&plot);
     Some(sheet.finish())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(seed: u64, method: &str, fine_solves: Option<f64>) -> Row {
+        let outcome = Outcome {
+            fit: 1e-4,
+            chi2: 1.0,
+            lambda: 1e-5,
+            gradient_evaluations: 1,
+            linear_solves: 1,
+            fine_solves: 1.0,
+            seconds: 1.0,
+        };
+        let to_epsilon = fine_solves.map(|fine_solves| ToEpsilon {
+            linear_solves: 1,
+            fine_solves,
+            seconds: 1.0,
+        });
+        let errors = Errors { e: 1e-3, log_kappa: 0.1, log_mu: 0.5 };
+        Row { seed, method: method.into(), to_epsilon, outcome, errors }
+    }
+
+    #[test]
+    fn a_ratio_needs_both_methods_of_a_seed() {
+        let rows = [
+            row(1, "paper", Some(4000.0)),
+            row(1, "default", Some(500.0)),
+            row(2, "paper", Some(4000.0)),
+            row(2, "default", None),
+            row(3, "paper", Some(4000.0)),
+        ];
+        assert_eq!(ratios(&rows.iter().collect::<Vec<_>>()), [(1, 8.0)]);
+    }
+}
