@@ -14,8 +14,10 @@ pub(crate) const FINER: usize = 2;
 const READ_NOISE: f64 = 1e-4;
 /// Relative residual of the forward solves.
 const TOLERANCE: f64 = 1e-6;
-/// Patterns that are solved for at a time: more would take more memory, and no less time.
+/// Patterns that are solved for at a time: as many as a solver reads the coefficients once for, or a
+/// quarter of them where their fields would take gigabytes.
 const TOGETHER: usize = 16;
+const LARGE: usize = 2_000_000;
 
 /// What is photographed.
 #[derive(Clone, Copy, Debug)]
@@ -100,7 +102,8 @@ impl Scene {
         let mut forward = Forward::new(truth, &self.optics(), solver)?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let (mut radiance, mut variance) = (Vec::new(), Vec::new());
-        for maps in light.maps().chunks(TOGETHER) {
+        let together = if fine.len() > LARGE { TOGETHER / 4 } else { TOGETHER };
+        for maps in light.maps().chunks(together) {
             go_on()?;
             let fine_maps = maps.iter().map(|map| self.upsampled(&fine, map)).collect();
             let some = Illuminations::new(&fine, self.lit, fine_maps)?;

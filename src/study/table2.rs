@@ -105,7 +105,7 @@ impl Sample {
         watch: impl FnMut(&Progress),
     ) -> Result<Channel, Failure> {
         // Another noise for each channel.
-        let seed = 3 * seed + scene.channel as u64;
+        let seed = seed.wrapping_mul(3).wrapping_add(scene.channel as u64);
         let pictures = scene.photographed(REGIONS, noise, seed, &mut device.solver, go_on)?;
         let (found, seconds) =
             device.invert(scene, &pictures, &InverseSettings::default(), watch)?;

@@ -27,6 +27,10 @@ const FACE: usize = 16_000;
 /// made, take 60 GB.
 const CELLS: usize = 60_000_000;
 
+/// Weights of a [`Pace`] where one picture, solved, weighs 1: E of one material, and the true BSSRDF, which is on eight times the cells.
+pub(super) const E_WEIGHT: f64 = 8.0;
+pub(super) const TRUTH_WEIGHT: f64 = 40.0;
+
 /// Where a study writes, and what works.
 #[derive(clap::Args)]
 pub(super) struct Files {
@@ -86,9 +90,7 @@ fn name_of(sample: SampleName) -> String {
     sample.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
 }
 
-/// # Errors
-/// More cells than any machine solves.
-pub(super) fn check_cells(cells: [usize; 3]) -> Result<(), Failure> {
+fn check_cells(cells: [usize; 3]) -> Result<(), Failure> {
     let all = cells.iter().fold(1usize, |all, n| all.saturating_mul(*n));
     if all > CELLS {
         let [nx, ny, nz] = cells;
@@ -167,15 +169,10 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Of the rows that have to be made.
-    pub fn new(label: &str, weights: &[f64]) -> Self {
-        Self {
-            progress: Progress::new(label, weights.len()),
-            began: Instant::now(),
-            rows: 0,
-            done: 0.0,
-            left: weights.iter().sum(),
-        }
+    /// `rows` have to be made, which together with what they need weigh `all`.
+    pub fn new(label: &str, rows: usize, all: f64) -> Self {
+        let progress = Progress::new(label, rows);
+        Self { progress, began: Instant::now(), rows: 0, done: 0.0, left: all }
     }
 
     pub fn say(&mut self, message: &str) {
@@ -194,6 +191,11 @@ impl Pace {
     /// A row of that weight was made.
     pub fn made(&mut self, weight: f64) {
         self.rows += 1;
+        self.spent(weight);
+    }
+
+    /// Something of that weight was made that rows need.
+    pub fn spent(&mut self, weight: f64) {
         self.done += weight;
         self.left -= weight;
     }

@@ -1,6 +1,6 @@
 //! `diaphane study figure11`: how good a material gets with the number of pictures.
 
-use super::common::{Block, Files, NOISE, Pace};
+use super::common::{Block, E_WEIGHT, Files, NOISE, Pace, TRUTH_WEIGHT};
 use crate::Failure;
 use crate::output::Done;
 use crate::study::figure11::{Row, csv, describe, draw, least, measure, name};
@@ -46,19 +46,18 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let mut kept = written.kept::<Row>(&settings)?;
     let mut device = Device::open(&args.files.device)?;
     let key = |lit: Face, n: usize| format!("{} {n}", name(lit));
-    // Pictures, and the E that is reckoned after each solve: as much as some 16 of them.
-    let weight = |n: usize| (n * n + 16) as f64;
+    let weight = |n: usize| (n * n) as f64 + E_WEIGHT;
     let todo = |kept: &Kept<Row>, lit: Face| -> Vec<usize> {
         (least(lit)..=most).filter(|n| !kept.has(&key(lit, *n))).collect()
     };
-    let weights: Vec<f64> = [Face::Back, Face::Front]
-        .iter()
-        .flat_map(|lit| todo(&kept, *lit).into_iter().map(weight))
-        .collect();
-    let mut pace = Pace::new("figure 11", &weights);
-    for scene in scenes {
+    let missing = [Face::Back, Face::Front].map(|lit| todo(&kept, lit));
+    // The true BSSRDF, what the grid leaves of it, and the rows.
+    let before = TRUTH_WEIGHT + E_WEIGHT;
+    let weigh = |rows: &Vec<usize>| before + rows.iter().map(|n| weight(*n)).sum::<f64>();
+    let all = missing.iter().filter(|rows| !rows.is_empty()).map(weigh).sum();
+    let mut pace = Pace::new("figure 11", missing.iter().map(Vec::len).sum(), all);
+    for (scene, missing) in scenes.into_iter().zip(missing) {
         let lit = name(scene.lit);
-        let missing = todo(&kept, scene.lit);
         if missing.is_empty() {
             continue;
         }
@@ -67,6 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         });
         let truth = truth.map_err(|failure| kept.told(failure))?;
         let grid_e = truth.of_the_grid(&mut device).map_err(|failure| kept.told(failure))?;
+        pace.spent(before);
         for n in missing {
             let what = format!("lit from the {lit}, {n} x {n} pictures");
             kept.row(&key(scene.lit, n), || {

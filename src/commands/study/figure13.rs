@@ -1,6 +1,6 @@
 //! `diaphane study figure13`: smoothness that is too strong, right, and too weak.
 
-use super::common::{Block, Files, NOISE, Pace};
+use super::common::{Block, E_WEIGHT, Files, NOISE, Pace, TRUTH_WEIGHT};
 use crate::Failure;
 use crate::output::Done;
 use crate::study::figure13::{FACTORS, Pictured, REGIONS, Row, csv, describe, draw, measure};
@@ -34,10 +34,13 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let pictures = scene.photographed(REGIONS, NOISE, args.seed, &mut device.solver, go_on)?;
     let key = |factor: f64| format!("{factor:e}");
     let left = FACTORS.iter().filter(|f| !kept.has(&key(**f))).count();
-    let mut pace = Pace::new("figure 13", &vec![1.0; left]);
+    let weight = (REGIONS * REGIONS) as f64 + E_WEIGHT;
+    let mut pace = Pace::new("figure 13", left, TRUTH_WEIGHT + weight * left as f64);
     let truth = Truth::new(&scene, &mut device, |done, all| {
         pace.say(&format!("the true BSSRDF: {done}/{all}"));
-    })?;
+    })
+    .map_err(|failure| kept.told(failure))?;
+    pace.spent(TRUTH_WEIGHT);
     // The one that the others are measured by comes first.
     let chosen = std::iter::once(1.0);
     for factor in chosen.chain(FACTORS.into_iter().filter(|f| *f != 1.0)) {
@@ -51,7 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
                 pace.step(&what, p);
             })
         })?;
-        pace.made(1.0);
+        pace.made(weight);
     }
     let mut pictured = kept.rows();
     pictured.sort_by(|a, b| a.row.factor.total_cmp(&b.row.factor));

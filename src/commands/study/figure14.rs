@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let written = args.files.open("figure14.csv", "figure14.svg")?;
     let settings = json!({ "block": json!(args.block.key()), "noise": NOISE, "seed": args.seed });
     let mut device = Device::open(&args.files.device)?;
-    let mut pace = Pace::new("figure 14", &[1.0]);
+    let mut pace = Pace::new("figure 14", 1, 1.0);
     let pictures = scene.photographed(REGIONS, NOISE, args.seed, &mut device.solver, go_on)?;
     let (found, seconds) =
         device.invert(&scene, &pictures, &InverseSettings::default(), |p| pace.step("solve", p))?;
