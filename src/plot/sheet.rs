@@ -10,10 +10,11 @@ pub(crate) const INKS: [&str; 5] = ["one", "two", "three", "four", "five"];
 /// As the report's page has it, on white; `bound` is for lines to compare with.
 const STYLE: &str = "text{fill:#444;font:13px sans-serif}.title{fill:#000;font-size:15px}\
 .rule{stroke:#e6e6e6}polyline,line{fill:none;stroke-width:2;stroke-linejoin:round}\
+.bound{stroke:#888;stroke-width:1.2;stroke-dasharray:4 4}\
 .one{stroke:#c0392b}.two{stroke:#2471a3;stroke-dasharray:7 4}.three{stroke:#1e8449;stroke-dasharray:2 4}\
-.four{stroke:#b9770e;stroke-dasharray:9 3 2 3}.five{stroke:#7d3c98}.bound{stroke:#888;stroke-width:1.2;stroke-dasharray:4 4}\
+.four{stroke:#b9770e;stroke-dasharray:9 3 2 3}.five{stroke:#7d3c98}\
 .plain{stroke:#888;stroke-width:1.2}.short{stroke-dasharray:2 3}.long{stroke-dasharray:7 4}.solid{stroke-dasharray:none}\
-.dot{stroke:none}.plain.dot{fill:#888}.one.dot{fill:#c0392b}.two.dot{fill:#2471a3}.three.dot{fill:#1e8449}.four.dot{fill:#b9770e}\
+.dot{stroke:none}.plain.dot,.bound.dot{fill:#888}.one.dot{fill:#c0392b}.two.dot{fill:#2471a3}.three.dot{fill:#1e8449}.four.dot{fill:#b9770e}\
 .five.dot{fill:#7d3c98}image{image-rendering:pixelated}";
 
 /// Above a plot that is not the first thing.
