@@ -143,7 +143,8 @@ fn nonsense_is_refused_before_any_work() {
     ] {
         let run = study(folder.path(), arguments);
         assert_eq!(run.code, 2, "{arguments:?}: {}", run.stderr);
-        assert!(run.stderr.contains(told), "{arguments:?}: {}", run.stderr);
+        let error = run.json["error"].as_str().unwrap();
+        assert!(error.contains(told), "{arguments:?}: {error}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

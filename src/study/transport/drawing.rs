@@ -23,19 +23,21 @@ fn panel(sheet: &mut Sheet, title: &str, rows: &[&Row], goals: &[f64], figure: f
         (100.0 * values().fold(0.0, f64::min)).floor(),
         (100.0 * values().fold(0.0, f64::max)).ceil(),
     ];
-    let mut lines: Vec<(String, String, Vec<(f64, f64)>)> = Vec::new();
+    // Name and class, points.
+    let mut lines: Vec<([String; 2], Vec<(f64, f64)>)> = Vec::new();
     for (albedo, ink) in ALBEDOS.into_iter().zip(INKS) {
         for (eta, dashes) in INDICES.into_iter().zip(DASHES) {
             let own = rows.iter().filter(|r| r.case.albedo == albedo && r.case.eta == eta);
             let points = own.map(|r| (r.case.thickness, 100.0 * figure(r))).collect();
-            lines.push((format!("albedo {albedo}, η = {eta}"), format!("{ink} {dashes}"), points));
+            lines
+                .push(([format!("albedo {albedo}, η = {eta}"), format!("{ink} {dashes}")], points));
         }
     }
     for (goal, name) in goals.iter().zip(["figure to reach", ""]) {
         let points = THICKNESSES.map(|t| (t, 100.0 * goal)).to_vec();
-        lines.push((name.into(), "plain".into(), points));
+        lines.push(([name.into(), "plain".into()], points));
     }
-    let lines = lines.iter().map(|(name, class, points)| Line {
+    let lines = lines.iter().map(|([name, class], points)| Line {
         name,
         class,
         points: points.clone(),
