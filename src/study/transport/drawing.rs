@@ -4,6 +4,8 @@ use super::cases::{ALBEDOS, INDICES, THICKNESSES};
 use super::{GOAL, Row, Series};
 use crate::plot::{Axis, INKS, Legend, Line, Plot, Sheet};
 
+type Points = Vec<(f64, f64)>;
+
 /// Dashes, one a refractive index.
 const DASHES: [&str; 3] = ["solid", "long", "short"];
 
@@ -24,7 +26,7 @@ fn panel(sheet: &mut Sheet, title: &str, rows: &[&Row], goals: &[f64], figure: f
         (100.0 * values().fold(0.0, f64::max)).ceil(),
     ];
     // Name and class, points.
-    let mut lines: Vec<([String; 2], Vec<(f64, f64)>)> = Vec::new();
+    let mut lines: Vec<([String; 2], Points)> = Vec::new();
     for (albedo, ink) in ALBEDOS.into_iter().zip(INKS) {
         for (eta, dashes) in INDICES.into_iter().zip(DASHES) {
             let own = rows.iter().filter(|r| r.case.albedo == albedo && r.case.eta == eta);
