@@ -113,6 +113,10 @@ fn both_methods_are_followed_to_epsilon_and_on() {
     assert_eq!(names, [(1, "paper"), (1, "default"), (2, "paper"), (2, "default")]);
     for row in rows {
         let all = number(row, "fine_solves");
+        // Noise of 0.5 % makes 2.5e-5 of it; the grid has the rest, more than none and less than
+        // a percent in radiance, squared.
+        let true_fit = number(row, "true_fit");
+        assert!(2.2e-5 < true_fit && true_fit < 1e-3, "{row}");
         match row["to_epsilon"]["fine_solves"].as_f64() {
             Some(there) => assert!(0.0 < there && there <= all, "{row}"),
             None => assert!(number(row, "fit") > 1e-4, "{row}"),
