@@ -113,10 +113,10 @@ fn both_methods_are_followed_to_epsilon_and_on() {
     assert_eq!(names, [(1, "paper"), (1, "default"), (2, "paper"), (2, "default")]);
     for row in rows {
         let all = number(row, "fine_solves");
-        // Noise of 0.5 % makes 2.5e-5 of it; the grid has the rest, more than none and less than
-        // a percent in radiance, squared.
+        // Noise of 0.5 % makes 2.5e-5 of it; the grid, whose cells are as wide as the veins, has the
+        // rest, a few percent in radiance, squared.
         let true_fit = number(row, "true_fit");
-        assert!(2.2e-5 < true_fit && true_fit < 1e-3, "{row}");
+        assert!(2.2e-5 < true_fit && true_fit < 3e-3, "{row}");
         match row["to_epsilon"]["fine_solves"].as_f64() {
             Some(there) => assert!(0.0 < there && there <= all, "{row}"),
             None => assert!(number(row, "fit") > 1e-4, "{row}"),
@@ -137,7 +137,8 @@ fn nonsense_is_refused_before_any_work() {
         (&["figure11", "--cells", "12x12"], "expected three numbers"),
         (&["figure11", "--cells", "12x12x4", "--most", "13"], "--most: expected at most 12"),
         (&["figure11", "--cells", "200x200x4"], "--cells: expected at most 16000 in a layer"),
-        (&["figure14", "--cells", "9999999999999999999x2x2"], "expected three numbers"),
+        (&["figure14", "--cells", "9999999999999999999x2x2"], "--cells: expected at most 60000000"),
+        (&["figure14", "--cells", "99999999999999999999x2x2"], "expected three numbers"),
         (&["figure13", "--cells", "100x100x99999"], "--cells: expected at most 60000000"),
         (&["table2", "--scale", "0"], "--scale: expected 1 to 10"),
         (&["table2", "--scale", "NaN"], "--scale: expected 1 to 10"),
