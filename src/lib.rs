@@ -13,6 +13,7 @@ mod failure;
 mod manifest;
 mod measurement;
 mod output;
+mod plot;
 mod reading;
 mod regime;
 mod report;

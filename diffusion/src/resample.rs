@@ -110,7 +110,7 @@ mod tests {
         let field = |grid: &Grid| -> Vec<f64> {
             let [nx, ny, _] = grid.cells();
             let at = |i: usize| grid.centre_mm(i % nx, i / nx % ny, i / (nx * ny));
-            (0..grid.len()).map(|i| at(i)).map(|[x, y, z]| 1.0 + x - 0.5 * y + 0.2 * z).collect()
+            (0..grid.len()).map(at).map(|[x, y, z]| 1.0 + x - 0.5 * y + 0.2 * z).collect()
         };
         let (expected, found) = (field(&fine), interpolate(&coarse, &fine, &field(&coarse)));
         let inner = |i: usize| {

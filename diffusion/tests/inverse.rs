@@ -1,9 +1,9 @@
 //! A small veined block is found again from its images, and what cannot be is an error.
 
 use diffusion::{
-    Batch, CpuSolver, Forward, Gpu, Illuminations, Inverse, InverseError, InverseSettings,
-    Measurement, MeasurementError, Medium, Method, Stage, average, bssrdf_error, invert,
-    invert_on_gpu,
+    Batch, CpuSolver, Forward, Gpu, GpuError, Illuminations, Inverse, InverseError,
+    InverseSettings, Measurement, MeasurementError, Medium, Method, SolveError, Stage, average,
+    bssrdf_error, invert, invert_from, invert_on_gpu,
 };
 use material::{Face, Grid, Optics};
 use rand::{RngExt, SeedableRng};
@@ -97,11 +97,11 @@ fn errors(found: &Inverse) -> [f64; 3] {
     ]
 }
 
-/// The images carry 1 % noise per pixel and the solved grid is twice too coarse, so
-/// - fit ≥ NOISE² = 1e-4 cannot be asked for more than that plus the grid's own error (measured
-///   1.6e-4), and below half the noise it would have fitted noise;
-/// - E and the logs are the measured values (1.8e-3, 0.11, 0.35) with a third to spare. Homogeneous
-///   blocks are off by 0.43 in log κ. μ is known less well: a slab of a few mean free paths loses
+/// The images carry 1 % noise per pixel, so
+/// - the fit cannot be asked for less than NOISE² = 1e-4 less what the unknowns explain of the noise
+///   (measured 8.4e-5, and 5.4e-5 on the GPU, whose rounding leads to a smaller λ);
+/// - E and the logs are the larger of the values measured on both (2.2e-3, 0.11, 0.37) with a third
+///   to spare. Homogeneous blocks are off by 0.43 in log κ. μ is known less well: a slab of a few mean free paths loses
 ///   more light through its sides than to absorption.
 ///
 /// Gives the error of log κ.
@@ -111,10 +111,10 @@ fn check_the_veined_block(found: &Inverse) -> f64 {
         "fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}, log mu {mu:.3}, lambda {:.1e}",
         found.fit, found.lambda
     );
-    assert!(0.5 * NOISE * NOISE < found.fit && found.fit < 2.1e-4, "{}", found.fit);
-    assert!(e < 2.5e-3, "{e:.2e}");
+    assert!(0.4 * NOISE * NOISE < found.fit && found.fit < 1.4e-4, "{}", found.fit);
+    assert!(e < 2.9e-3, "{e:.2e}");
     assert!(kappa < 0.15, "{kappa}");
-    assert!(mu < 0.46, "{mu}");
+    assert!(mu < 0.49, "{mu}");
     assert!((1..=found.work.gradient_evaluations).contains(&found.history.len()));
     kappa
 }
@@ -142,8 +142,47 @@ fn the_gpu_finds_the_block_as_well() {
     check_the_veined_block(&found);
 }
 
+/// A device that is lost on the way is an error like any other, and the CPU goes on from the last
+/// iterate: to as good a block, without doing again what was done.
+#[test]
+fn the_cpu_goes_on_where_a_gpu_was_lost() {
+    let gpu = match Gpu::open(None) {
+        Ok(gpu) => gpu,
+        Err(error) => return println!("SKIPPED: {error}"),
+    };
+    let optics = Optics::from_eta(1.3);
+    let (data, settings) = (measurement(&optics, 1.0), InverseSettings::default());
+    let mut last = None;
+    let mut observe = |p: &diffusion::Progress<'_>| {
+        if p.cells == grids()[0].cells() && last.is_none() {
+            last = p.iterate();
+            gpu.give_up();
+        }
+        true
+    };
+    let lost = invert_on_gpu(None, &grids()[0], &optics, &data, &settings, &gpu, &mut observe);
+    let lost = lost.map(|found| found.fit).unwrap_err();
+    assert!(matches!(lost, InverseError::Solve(SolveError::Gpu(GpuError::Lost { .. }))), "{lost}");
+
+    let last = last.unwrap();
+    let done = last.work.gradient_evaluations;
+    assert!(done > 10, "{done}");
+    let mut coarse = 0;
+    let mut observe = |p: &diffusion::Progress<'_>| {
+        coarse += usize::from(p.cells != grids()[0].cells());
+        true
+    };
+    let mut solver = CpuSolver::<f32>::new();
+    let (grid, from) = (&grids()[0], Some(last));
+    let found = invert_from(from, grid, &optics, &data, &settings, &mut solver, &mut observe);
+    let found = found.unwrap();
+    assert_eq!(coarse, 0);
+    assert!(found.work.gradient_evaluations > done);
+    check_the_veined_block(&found);
+}
+
 /// W08 stops at ε = 1e-4, which is the noise of these images: it is reached. Its material is
-/// the worse one: E measured 4.3e-3, log κ off by 0.24 (a third to spare), and nothing holds μ
+/// the worse one: E measured 3.2e-3, log κ off by 0.25 (a third to spare), and nothing holds μ
 /// smooth.
 #[test]
 fn the_papers_method_reaches_its_own_stop() {
@@ -153,8 +192,8 @@ fn the_papers_method_reaches_its_own_stop() {
     eprintln!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}", found.fit);
     assert!(found.fit <= 1e-4, "{}", found.fit);
     assert!(found.work.gradient_evaluations < settings.max_evaluations);
-    assert!(e < 6e-3, "{e:.2e}");
-    assert!(kappa < 0.32, "{kappa}");
+    assert!(e < 4.3e-3, "{e:.2e}");
+    assert!(kappa < 0.34, "{kappa}");
 }
 
 /// Images that are all 1.2 times as bright give the same κ and μ and a gain 1.2 times as large:

@@ -1,6 +1,6 @@
 //! `diaphane init`: a session on the simulated rig, or on one of devices.
 
-mod devices;
+pub(crate) mod devices;
 
 use crate::Failure;
 use crate::adaptive::{Brackets, SchemeName};

@@ -338,13 +338,12 @@ impl Solving<'_> {
             });
             progress.set_left(p.work.gradient_evaluations, &message, left);
             let stop = STOP.load(Ordering::Relaxed);
-            if p.stage == Stage::Volume && (stop || checkpoints.due()) {
-                if let Some(iterate) = p.iterate() {
-                    let iterate = last.insert(iterate);
-                    if !stop {
-                        let going = Checkpoint::Going(iterate.clone());
-                        failure = checkpoints.save(name, &going).err();
-                    }
+            let due = p.stage == Stage::Volume && (checkpoints.due() || stop);
+            if let Some(iterate) = due.then(|| p.iterate()).flatten() {
+                let iterate = last.insert(iterate);
+                if !stop {
+                    let going = Checkpoint::Going(iterate.clone());
+                    failure = checkpoints.save(name, &going).err();
                 }
             }
             !stop && failure.is_none()

@@ -76,7 +76,7 @@ mod tests {
             device: device.into(),
             channels: Vec::new(),
         };
-        let preset = [("method", "Lbfgs"), ("lambda", "Discrepancy"), ("free_gain", "false")];
+        let preset = [("method", "Lbfgs"), ("lambda", "CrossValidation"), ("free_gain", "false")];
         assert_eq!(solve_options(&made(&preset), Some(&convergence("CPU"))), " --device cpu");
         let given = [
             ("method", "Paper"),

@@ -83,6 +83,14 @@ impl Gpu {
                 *told = Some(format!("{reason:?} {message}"));
             }
         });
+        // Whatever is asked of a lost device is an error of its own, and by default wgpu panics: the
+        // first one is kept, and told when something is next brought back.
+        let told = Arc::clone(&lost);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            if let Ok(mut told) = told.lock() {
+                told.get_or_insert_with(|| error.to_string());
+            }
+        }));
         let pipelines = Arc::new(Pipelines::new(&device));
         Ok(Self { device, queue, pipelines, info, lost })
     }
@@ -209,6 +217,12 @@ impl Gpu {
         Pass { kernel, level: level.clone(), fields, groups }
     }
 
+    /// Gives the device up: whatever it is asked from here on ends in [`GpuError::Lost`], as after a reset.
+    #[doc(hidden)]
+    pub fn give_up(&self) {
+        self.device.destroy();
+    }
+
     /// Records dispatches, one after the other, each of which sees what those before it wrote.
     pub(crate) fn record<'a>(
         &self,
@@ -257,8 +271,9 @@ impl Gpu {
         });
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         let mapped = result.lock().ok().and_then(|mut slot| slot.take());
+        let sound = self.lost.lock().is_ok_and(|told| told.is_none());
         match (polled, mapped) {
-            (Ok(_), Some(Ok(()))) => {
+            (Ok(_), Some(Ok(()))) if sound => {
                 let view = back.get_mapped_range(..).map_err(|e| self.lost(e.to_string()))?;
                 Ok(bytemuck::cast_slice(&view).to_vec())
             }

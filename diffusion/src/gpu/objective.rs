@@ -284,10 +284,10 @@ impl Objective for GpuObjective {
         out
     }
 
-    fn host(&self, u: &GpuVector) -> Vec<f64> {
+    fn host(&self, u: &GpuVector) -> Result<Vec<f64>, InverseError> {
         let len = self.logs.buffer.size() as usize / 4;
         let read = self.gpu.submit_and_read(self.gpu.encoder(), &u.buffer, len);
-        read.map_or_else(|_| vec![f64::NAN; len], |v| v.into_iter().map(f64::from).collect())
+        Ok(read.map_err(SolveError::from)?.into_iter().map(f64::from).collect())
     }
 
     fn centre(&mut self, centre: [f64; 2]) {

@@ -126,8 +126,8 @@ impl<S: LinearSolver> Objective for LogObjective<'_, S> {
         host
     }
 
-    fn host(&self, u: &Vec<f64>) -> Vec<f64> {
-        u.clone()
+    fn host(&self, u: &Vec<f64>) -> Result<Vec<f64>, InverseError> {
+        Ok(u.clone())
     }
 
     fn centre(&mut self, centre: [f64; 2]) {

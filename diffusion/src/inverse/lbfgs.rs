@@ -186,6 +186,10 @@ impl<'a, O: Objective> Minimiser<'a, O> {
         }
         let longest = direction.largest();
         if !(slope < 0.0 && longest.is_finite()) {
+            if slope.is_nan() || longest.is_nan() {
+                // A vector's operations cannot say that their device is lost; a solve can.
+                self.objective.forward(&here.u, tolerance)?;
+            }
             return Ok(None);
         }
         let limit = if self.pairs.is_empty() { FIRST_STEP } else { LONGEST_STEP };

@@ -99,14 +99,14 @@ pub struct Progress<'a> {
     pub lambda: f64,
     /// Cells of the grid at work.
     pub cells: [usize; 3],
-    iterate: Option<&'a dyn Fn() -> Iterate>,
+    iterate: Option<&'a dyn Fn() -> Option<Iterate>>,
 }
 
 impl Progress<'_> {
-    /// What [`invert`] can go on from, brought from the device; none before there is a volume, and
-    /// none with the paper's method.
+    /// What [`invert`] can go on from, brought from the device; none before there is a volume,
+    /// where the device is lost, and with the paper's method.
     pub fn iterate(&self) -> Option<Iterate> {
-        self.iterate.map(|iterate| iterate())
+        self.iterate.and_then(|iterate| iterate())
     }
 }
 

@@ -71,7 +71,7 @@ pub(crate) trait Objective {
     fn vector(&self, host: Vec<f64>) -> Self::Vector;
 
     /// Brings them back.
-    fn host(&self, u: &Self::Vector) -> Vec<f64>;
+    fn host(&self, u: &Self::Vector) -> Result<Vec<f64>, InverseError>;
 
     /// From here on u counts only within [`RANGE`] of (log κ, log μ) = `centre`; outside, D is that
     /// of the nearest point inside and its derivative 0. R pulls towards it. Before the first call

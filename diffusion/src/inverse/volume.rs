@@ -209,7 +209,7 @@ impl Run<'_, '_> {
         if !self.at.chosen && self.at.level > 0 {
             self.at.lambda *= LIFT;
         }
-        self.at.logs = minimiser.objective.host(&here.u);
+        self.at.logs = minimiser.objective.host(&here.u)?;
         self.at.work = self.work(&minimiser, problem);
         Ok((here.misfit, converged))
     }
@@ -307,8 +307,10 @@ impl Run<'_, '_> {
     ) -> Result<(), InverseError> {
         self.at.history.push(here.misfit.fit);
         let work = self.work(minimiser, problem);
-        let iterate =
-            || Iterate { logs: minimiser.objective.host(&here.u), work, ..self.at.clone() };
+        let iterate = || {
+            let logs = minimiser.objective.host(&here.u).ok()?;
+            Some(Iterate { logs, work, ..self.at.clone() })
+        };
         let progress = Progress {
             stage: Stage::Volume,
             work,

@@ -36,7 +36,8 @@ pub(crate) struct DeviceArgs {
     eta: f64,
 }
 
-fn three<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
+/// Three numbers such as `80x60x12`.
+pub(crate) fn three<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
     let parts: Option<Vec<T>> = text.split('x').map(|part| part.trim().parse().ok()).collect();
     parts
         .and_then(|parts| parts.try_into().ok())
