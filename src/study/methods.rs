@@ -72,6 +72,10 @@ pub(crate) fn measure(
     let (mut to_epsilon, mut trace): (_, Vec<(f64, f64)>) = (None, Vec::new());
     let (found, seconds) = device.invert(scene, &pictures, &settings, |progress| {
         let work = progress.work;
+        // On coarser grids the pictures are averaged, and have less noise to fit.
+        if progress.cells != scene.grid.cells() {
+            return watch(progress);
+        }
         if progress.fit <= EPSILON && to_epsilon.is_none() {
             to_epsilon = Some(ToEpsilon {
                 linear_solves: work.linear_solves,
