@@ -3,7 +3,7 @@
 use super::objective::Problem;
 use material::Grid;
 
-/// A volume is looked for on grids with at least this many cells along x, y and z: four for each of
+/// A volume is looked for on grids with at least this many cells along x, y and z: two for each of
 /// 4 × 4 regions, and enough of them deep to tell front from middle from back.
 const LEAST_CELLS: [usize; 3] = [8, 8, 3];
 
@@ -68,9 +68,9 @@ mod tests {
         let cells = |cells| -> Vec<[usize; 3]> {
             levels(&problem(cells), 0.0).iter().map(|p| p.grid.cells()).collect()
         };
-        assert_eq!(cells([31, 40, 10]), [[31, 40, 10], [16, 20, 5]]);
-        assert_eq!(cells([72, 72, 7]), [[72, 72, 7], [36, 36, 4], [18, 18, 4]]);
-        assert_eq!(cells([30, 40, 10]), [[30, 40, 10]]);
+        assert_eq!(cells([31, 40, 10]), [[31, 40, 10], [16, 20, 5], [8, 10, 3]]);
+        assert_eq!(cells([72, 72, 7]), [[72, 72, 7], [36, 36, 4], [18, 18, 4], [9, 9, 4]]);
+        assert_eq!(cells([14, 40, 10]), [[14, 40, 10]]);
     }
 
     /// A block keeps its size; four pixels of variance v make one of v/4, two with one masked v/3; and one
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn images_are_averaged() {
         let levels = levels(&problem([32, 32, 8]), 0.0);
-        let [fine, coarse] = &levels[..] else { panic!("{}", levels.len()) };
+        let [fine, coarse, ..] = &levels[..] else { panic!("{}", levels.len()) };
         for axis in 0..3 {
             let [a, b] = [fine, coarse].map(|p| p.grid.size_mm()[axis]);
             assert!((a - b).abs() < 1e-12);
