@@ -1,6 +1,7 @@
 //! Rectified pictures onto the sample's grid.
 
 use calibration::{FaceMap, HdrImage};
+use diffusion::overlaps;
 
 /// Averages a picture whose extent is the face over nx × ny cells: every pixel counts by the share
 /// of the cell that it covers.
@@ -8,7 +9,7 @@ use calibration::{FaceMap, HdrImage};
 /// Variances are those of the mean of independent pixels; a cell that touches a pixel without a
 /// value has infinite variance. The picture has at least one pixel a cell (the caller's to check).
 pub(crate) fn onto_cells(image: &HdrImage, [nx, ny]: [usize; 2]) -> FaceMap {
-    let (columns, rows) = (shares(image.width, nx), shares(image.height, ny));
+    let (columns, rows) = (overlaps(image.width, nx), overlaps(image.height, ny));
     let channels = image.channels;
     let face = nx * ny;
     let mut radiance = vec![0.0; channels * face];
@@ -31,22 +32,6 @@ pub(crate) fn onto_cells(image: &HdrImage, [nx, ny]: [usize; 2]) -> FaceMap {
         }
     }
     FaceMap { nx, ny, channels, radiance, variance }
-}
-
-/// For each of `cells`, the pixels that lie in it and their shares, which add up to 1.
-fn shares(pixels: usize, cells: usize) -> Vec<Vec<(usize, f64)>> {
-    let size = pixels as f64 / cells as f64;
-    let cell = |c: usize| {
-        let (from, to) = (c as f64 * size, (c + 1) as f64 * size);
-        let inside = (from.floor() as usize)..(to.ceil() as usize).min(pixels);
-        inside
-            .map(|p| (p, ((p + 1) as f64).min(to) - (p as f64).max(from)))
-            // A sliver of rounding would carry a pixel's missing value into the next cell.
-            .filter(|(_, w)| *w > 1e-9 * size)
-            .map(|(p, w)| (p, w / size))
-            .collect()
-    };
-    (0..cells).map(cell).collect()
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The diffuse BSSRDF of a block, and how far an acquired one is from the truth.
 
+use crate::resample::FaceOverlap;
 use crate::{Batch, Forward, IlluminationError, Illuminations, LinearSolver, Medium, SolveError};
 use material::{Face, Grid, Optics};
 
@@ -99,15 +100,7 @@ fn spot(coarse: &Grid, grid: &Grid, source: usize) -> Vec<f64> {
         .collect()
 }
 
-/// A map on the face of a finer grid, averaged over the face cells of `coarse`, whose cells are
-/// whole multiples of the finer ones.
+/// A map on the face of one grid of a block, averaged over the face cells of another.
 pub fn average(grid: &Grid, coarse: &Grid, map: &[f64]) -> Vec<f64> {
-    let [cx, cy, _] = coarse.cells();
-    let [nx, ny, _] = grid.cells();
-    let (rx, ry) = (nx / cx, ny / cy);
-    let mut out = vec![0.0; cx * cy];
-    for (i, v) in map.iter().enumerate() {
-        out[(i / nx / ry) * cx + (i % nx) / rx] += v / (rx * ry) as f64;
-    }
-    out
+    FaceOverlap::new(grid, coarse).average(map)
 }

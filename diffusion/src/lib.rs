@@ -33,5 +33,6 @@ pub use inverse::{
 };
 pub use medium::{Medium, MediumError};
 pub use operator::Operator;
+pub use resample::overlaps;
 pub use solver::{LinearSolver, SolveError, SolveReport};
 pub use surface::SurfaceModel;

@@ -2,16 +2,16 @@
 
 use material::Grid;
 
-/// For every cell of `to` equal cells along a length, the cells of `from` that it overlaps and the share
-/// of it that each of them covers.
-fn overlaps(from: usize, to: usize) -> Vec<Vec<(usize, f64)>> {
+/// For each of `to` equal cells along a length, the cells out of `from` that it overlaps and the share of it
+/// that each of them covers; the shares add up to 1.
+pub fn overlaps(from: usize, to: usize) -> Vec<Vec<(usize, f64)>> {
     let ratio = from as f64 / to as f64;
     (0..to)
         .map(|i| {
             let (low, high) = (i as f64 * ratio, (i + 1) as f64 * ratio);
             let cells = low as usize..(high.ceil() as usize).min(from);
             let share = |j: usize| (high.min((j + 1) as f64) - low.max(j as f64)).max(0.0) / ratio;
-            // A share of rounding's size would count a cell that is only touched.
+            // A sliver of rounding would carry a masked pixel's value into the next cell.
             cells.map(|j| (j, share(j))).filter(|(_, share)| *share > 1e-9).collect()
         })
         .collect()

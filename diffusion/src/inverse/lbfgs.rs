@@ -105,11 +105,8 @@ impl<'a, O: Objective> Minimiser<'a, O> {
         self.curvature = shifts.map(|by_data| {
             // R changes along a shift by its pull alone, which is quadratic.
             let ones = &self.ones;
-            let (_, at_zero) = self.objective.smoothness(&{
-                let mut zero = ones[0].clone();
-                zero.scale(0.0);
-                zero
-            });
+            let zero = self.objective.vector(vec![0.0; 2 * self.objective.cells()]);
+            let (_, at_zero) = self.objective.smoothness(&zero);
             let by_roughness = std::array::from_fn(|row| {
                 let (_, mut change) = self.objective.smoothness(&ones[row]);
                 change.add_scaled(-1.0, &at_zero);

@@ -103,6 +103,20 @@ pub struct Progress<'a> {
 }
 
 impl Progress<'_> {
+    /// On the way to the homogeneous start.
+    fn homogeneous(problem: &Problem, work: Work, misfit: &Misfit) -> Self {
+        Self {
+            stage: Stage::Homogeneous,
+            work,
+            objective: misfit.fit,
+            fit: misfit.fit,
+            chi2: problem.chi2(misfit),
+            lambda: 0.0,
+            cells: problem.grid.cells(),
+            iterate: None,
+        }
+    }
+
     /// What [`invert`] can go on from, brought from the device; none before there is a volume,
     /// where the device is lost, and with the paper's method.
     pub fn iterate(&self) -> Option<Iterate> {

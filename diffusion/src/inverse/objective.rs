@@ -105,6 +105,13 @@ pub(crate) struct Problem {
     pub free_gain: bool,
 }
 
+impl Problem {
+    /// χ²/N of a misfit.
+    pub fn chi2(&self, misfit: &Misfit) -> f64 {
+        misfit.weighted / self.measurement.data().max(1) as f64
+    }
+}
+
 /// Makes objectives: the outer loop asks for one on every grid, from coarse to fine, one at a time.
 pub(crate) trait Device {
     /// The objective on this device.

@@ -35,23 +35,13 @@ pub(super) fn run<S: LinearSolver>(
     observer: Observer<'_>,
 ) -> Result<Inverse, InverseError> {
     let n = problem.grid.len();
-    let count = problem.measurement.data().max(1) as f64;
     let energy = problem.measurement.energy();
     let mut data = DataTerm::new(problem, solver);
     let start = homogeneous::fit(&problem.grid, |kappa, mu| {
         let medium = Medium::homogeneous(problem.grid, kappa, mu)
             .map_err(|e| InverseError::Optimiser(e.to_string()))?;
         let misfit = data.forward(medium, settings.tolerance)?;
-        let progress = Progress {
-            stage: Stage::Homogeneous,
-            work: data.work,
-            objective: misfit.fit,
-            fit: misfit.fit,
-            chi2: misfit.weighted / count,
-            lambda: 0.0,
-            cells: problem.grid.cells(),
-            iterate: None,
-        };
+        let progress = Progress::homogeneous(problem, data.work, &misfit);
         if observer(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
     })?;
     let lambda = match settings.lambda {
@@ -64,7 +54,6 @@ pub(super) fn run<S: LinearSolver>(
         data,
         start,
         energy,
-        count,
         lambda,
         budget: settings.max_evaluations,
         tolerance: settings.tolerance,
@@ -117,7 +106,6 @@ struct Descent<'a, 'o, S> {
     data: DataTerm<'a, S>,
     start: Start,
     energy: f64,
-    count: f64,
     lambda: f64,
     budget: usize,
     tolerance: f64,
@@ -174,7 +162,7 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
         if gradient {
             self.history.push(misfit.fit);
         }
-        let chi2 = misfit.weighted / self.count;
+        let chi2 = self.data.problem().chi2(&misfit);
         if self.best.as_ref().is_none_or(|b| objective < b.objective) {
             let (fit, gain) = (misfit.fit, misfit.gain);
             self.best = Some(Best { x: x.to_vec(), objective, fit, chi2, gain });

@@ -95,7 +95,6 @@ impl Run<'_, '_> {
         let mut objective = device.objective(problem)?;
         let (n, tolerance) = (problem.grid.len(), self.settings.tolerance);
         let share = n as f64 / self.finest.len() as f64;
-        let count = problem.measurement.data().max(1) as f64;
         let logs = |kappa: f64, mu: f64| {
             let mut u = vec![kappa.ln(); 2 * n];
             u[n..].fill(mu.ln());
@@ -103,16 +102,8 @@ impl Run<'_, '_> {
         };
         let Start { kappa_mm, mu_per_mm } = homogeneous::fit(&problem.grid, |kappa, mu| {
             let misfit = objective.forward(&objective.vector(logs(kappa, mu)), tolerance)?;
-            let progress = Progress {
-                stage: Stage::Homogeneous,
-                work: Work::default().with(objective.work(), share),
-                objective: misfit.fit,
-                fit: misfit.fit,
-                chi2: misfit.weighted / count,
-                lambda: 0.0,
-                cells: problem.grid.cells(),
-                iterate: None,
-            };
+            let work = Work::default().with(objective.work(), share);
+            let progress = Progress::homogeneous(problem, work, &misfit);
             if (self.observer)(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
         })?;
         let (lambda, chosen) = match self.settings.lambda {
@@ -169,7 +160,7 @@ impl Run<'_, '_> {
             homogeneous: self.at.homogeneous,
             gain: misfit.gain,
             fit: misfit.fit,
-            chi2: misfit.weighted / problem.measurement.data().max(1) as f64,
+            chi2: problem.chi2(&misfit),
             lambda: self.at.lambda,
             converged,
             work: self.at.work,
@@ -309,14 +300,14 @@ impl Run<'_, '_> {
         let work = self.work(minimiser, problem);
         let iterate = || {
             let logs = minimiser.objective.host(&here.u).ok()?;
-            Some(Iterate { logs, work, ..self.at.clone() })
+            Some(Iterate { logs, work, history: self.at.history.clone(), ..self.at })
         };
         let progress = Progress {
             stage: Stage::Volume,
             work,
             objective: here.value(self.at.lambda * self.roughness_scale(problem)),
             fit: here.misfit.fit,
-            chi2: here.misfit.weighted / problem.measurement.data().max(1) as f64,
+            chi2: problem.chi2(&here.misfit),
             lambda: self.at.lambda,
             cells: problem.grid.cells(),
             iterate: Some(&iterate),
