@@ -221,7 +221,9 @@ pub(crate) fn solve(
             settings: &settings,
             found: &found,
         };
-        resolutions.extend(resolution::map(name, &solved, &options.device)?);
+        // A GPU that was lost on the way is not asked again.
+        let device = solving.gpu.as_ref().map_or(&DeviceChoice::Cpu, |_| &options.device);
+        resolutions.extend(resolution::map(name, &solved, device)?);
         misfit += found.fit * measurement.energy();
         energy += measurement.energy();
         reports.push(convergence(name, &found));
