@@ -84,7 +84,7 @@ impl Acquisition {
         let on_grid = marble(grid);
         println!(
             "{:?}: E {e:.2e}, log kappa off by {:.3}, log mu by {:.3}; fit {:.2e}, chi2 {:.3}, lambda {:.1e}, \
-             gain {:.4}; {} gradients, {:.0} fine-grid solves, {seconds:.1} s; fit of 1e-4 after {:.0?} fine-grid solves",
+             gain {:.4}; {} gradients, {:.0} fine-grid solves of {:.1} iterations, {seconds:.1} s; fit of 1e-4 after {:.0?} fine-grid solves",
             self.grid.cells(),
             log_error(&found.kappa_mm, on_grid.kappa_mm()),
             log_error(&found.mu_per_mm, on_grid.mu_per_mm()),
@@ -94,6 +94,7 @@ impl Acquisition {
             found.gain,
             found.work.gradient_evaluations,
             found.work.fine_solves,
+            found.work.fine_iterations / found.work.fine_solves,
             to_epsilon.map(|w| w.fine_solves),
         );
         found

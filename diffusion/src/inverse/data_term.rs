@@ -32,10 +32,6 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
         Self { problem, solver, fluence, adjoint, last: None, work: Work::default() }
     }
 
-    pub fn problem(&self) -> &'a Problem {
-        self.problem
-    }
-
     pub fn grid(&self) -> &'a Grid {
         &self.problem.grid
     }

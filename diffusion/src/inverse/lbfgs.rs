@@ -6,6 +6,7 @@
 //! of argmin's fifteen (Nocedal & Wright, Numerical Optimization, 2006, algorithms 7.4 and 3.1).
 
 use super::InverseError;
+use super::accuracy::Accuracy;
 use super::objective::{Misfit, Objective, Vector};
 use std::collections::VecDeque;
 
@@ -82,19 +83,25 @@ impl<'a, O: Objective> Minimiser<'a, O> {
         Self { objective, energy, pairs: VecDeque::new(), ones, curvature: None }
     }
 
-    /// Measures the curvature of D along the two shifts by a gradient each.
+    /// Measures the curvature of D along the two shifts by differences of gradients, which are as
+    /// exact as they can be.
     pub fn shifts(
         &mut self,
         here: &Point<O::Vector>,
-        tolerance: f64,
+        accuracy: &Accuracy,
     ) -> Result<Shifts, InverseError> {
+        let tolerance = accuracy.exact();
+        let mut by_data = |u: &O::Vector| {
+            self.objective.forward(u, tolerance)?;
+            self.objective.gradient(tolerance)
+        };
+        let before = by_data(&here.u)?;
         let mut out = [[0.0; 2]; 2];
         for (row, out) in out.iter_mut().enumerate() {
             let mut u = here.u.clone();
             u.add_scaled(SHIFT, &self.ones[row]);
-            self.objective.forward(&u, tolerance)?;
-            let mut change = self.objective.gradient(tolerance)?;
-            change.add_scaled(-1.0, &here.by_data);
+            let mut change = by_data(&u)?;
+            change.add_scaled(-1.0, &before);
             *out = self.ones.each_ref().map(|ones| ones.dot(&change) / SHIFT);
         }
         Ok(Shifts(out))
@@ -155,11 +162,11 @@ impl<'a, O: Objective> Minimiser<'a, O> {
     pub fn point(
         &mut self,
         u: O::Vector,
-        tolerance: f64,
+        accuracy: &Accuracy,
     ) -> Result<Point<O::Vector>, InverseError> {
-        let misfit = self.objective.forward(&u, tolerance)?;
+        let misfit = self.objective.forward(&u, accuracy.exact())?;
         let (roughness, by_roughness) = self.objective.smoothness(&u);
-        let by_data = self.objective.gradient(tolerance)?;
+        let by_data = self.objective.gradient(accuracy.adjoint())?;
         let data = misfit.weighted / self.energy;
         Ok(Point { u, misfit, data, roughness, by_data, by_roughness })
     }
@@ -169,8 +176,9 @@ impl<'a, O: Objective> Minimiser<'a, O> {
         &mut self,
         here: &Point<O::Vector>,
         lambda: f64,
-        tolerance: f64,
+        accuracy: &Accuracy,
     ) -> Result<Option<Point<O::Vector>>, InverseError> {
+        let tolerance = accuracy.forward(here.data);
         let mut gradient = here.by_data.clone();
         gradient.add_scaled(lambda, &here.by_roughness);
         let mut direction = self.direction(&gradient, lambda);
@@ -200,7 +208,7 @@ impl<'a, O: Objective> Minimiser<'a, O> {
             let data = misfit.weighted / self.energy;
             let change = data + lambda * roughness - start;
             if change <= SUFFICIENT * length * slope {
-                let by_data = self.objective.gradient(tolerance)?;
+                let by_data = self.objective.gradient(accuracy.adjoint())?;
                 let next = Point { u, misfit, data, roughness, by_data, by_roughness };
                 self.remember(here, &next);
                 return Ok(Some(next));

@@ -1,5 +1,6 @@
 //! From images to coefficients: κ and μ of every cell of one channel.
 
+mod accuracy;
 mod data_term;
 mod evaluate;
 mod homogeneous;
@@ -24,7 +25,7 @@ pub(crate) use smoothness::{pull, step_weights};
 pub use work::Work;
 
 use crate::gpu::OnGpu;
-use crate::{Gpu, GpuSolver, LinearSolver, SolveError};
+use crate::{Gpu, LinearSolver, SolveError};
 use material::{Grid, Optics};
 use serde::{Deserialize, Serialize};
 
@@ -211,12 +212,12 @@ pub fn invert_from<S: LinearSolver>(
         Method::Lbfgs => {
             volume::run(&mut WithSolver(solver), &problem, settings, iterate, observer)
         }
-        Method::Paper => paper::run(&problem, settings, solver, observer),
+        Method::Paper => paper::run(&mut WithSolver(solver), &problem, settings, observer),
     }
 }
 
 /// [`invert_from`] with everything on a GPU: forward and adjoint solves, gradient, smoothness and the
-/// optimiser's vectors. (`Method::Paper` has only its solves there.)
+/// optimiser's vectors. (Those of `Method::Paper` are argmin's, on the host.)
 ///
 /// # Errors
 /// As [`invert`]; also if the GPU cannot hold the problem, or is lost.
@@ -232,7 +233,7 @@ pub fn invert_on_gpu(
     let problem = problem(grid, optics, measurement, settings);
     match settings.method {
         Method::Lbfgs => volume::run(&mut OnGpu(gpu), &problem, settings, iterate, observer),
-        Method::Paper => paper::run(&problem, settings, &mut GpuSolver::new(gpu.clone()), observer),
+        Method::Paper => paper::run(&mut OnGpu(gpu), &problem, settings, observer),
     }
 }
 

@@ -5,12 +5,10 @@
 //! data term is below ε = 1e-4 Σ L_meas². The paper's λ = 1e-5 has no units: here λ is
 //! relative, λ ‖∇κ‖² / κ₀² against Σ L_meas², with κ₀ the homogeneous start.
 
-use super::data_term::DataTerm;
 use super::homogeneous::{self, Start};
-use super::objective;
+use super::objective::{self, Device, Objective};
 use super::smoothness::squared_gradient;
 use super::{Inverse, InverseError, InverseSettings, Lambda, Observer, Progress, Stage};
-use crate::{LinearSolver, Medium};
 use argmin::core::{
     CostFunction, Error, Executor, Gradient, IterState, KV, LineSearch, Problem, Solver, State,
     TerminationReason,
@@ -28,20 +26,21 @@ const GOLDEN: f64 = 0.618_033_988_749_894_8;
 /// κ and μ positive; without a floor the first long step leaves the physical range.
 const FLOOR: f64 = 1e-3;
 
-pub(super) fn run<S: LinearSolver>(
+/// Solves, misfit and gradient are the device's; the conjugate gradients are argmin's, on the host: two
+/// numbers a cell go there and back for every gradient, which is a thousandth of what a solve moves.
+pub(super) fn run<D: Device>(
+    device: &mut D,
     problem: &objective::Problem,
     settings: &InverseSettings,
-    solver: &mut S,
     observer: Observer<'_>,
 ) -> Result<Inverse, InverseError> {
     let n = problem.grid.len();
-    let energy = problem.measurement.energy();
-    let mut data = DataTerm::new(problem, solver);
+    let mut data = device.objective(problem)?;
     let start = homogeneous::fit(&problem.grid, |kappa, mu| {
-        let medium = Medium::homogeneous(problem.grid, kappa, mu)
-            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
-        let misfit = data.forward(medium, settings.tolerance)?;
-        let progress = Progress::homogeneous(problem, data.work, &misfit);
+        let mut logs = vec![kappa.ln(); 2 * n];
+        logs[n..].fill(mu.ln());
+        let misfit = data.forward(&data.vector(logs), settings.tolerance)?;
+        let progress = Progress::homogeneous(problem, data.work(), &misfit);
         if observer(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
     })?;
     let lambda = match settings.lambda {
@@ -52,8 +51,8 @@ pub(super) fn run<S: LinearSolver>(
     x[n..].fill(start.mu_per_mm);
     let state = RefCell::new(Descent {
         data,
+        problem,
         start,
-        energy,
         lambda,
         budget: settings.max_evaluations,
         tolerance: settings.tolerance,
@@ -63,7 +62,7 @@ pub(super) fn run<S: LinearSolver>(
         failure: None,
     });
     let solver = NonlinearConjugateGradient::new(GoldenSection::default(), PolakRibierePlus::new());
-    let run = Executor::new(Objective(&state), solver)
+    let run = Executor::new(Descending(&state), solver)
         .configure(|s| s.param(x).max_iters(u64::MAX))
         .run()
         .err()
@@ -89,7 +88,7 @@ pub(super) fn run<S: LinearSolver>(
         chi2: best.chi2,
         lambda,
         converged: best.fit <= EPSILON,
-        work: state.data.work,
+        work: state.data.work(),
         history: state.history,
     })
 }
@@ -102,10 +101,10 @@ struct Best {
     gain: f64,
 }
 
-struct Descent<'a, 'o, S> {
-    data: DataTerm<'a, S>,
+struct Descent<'p, 'o, O> {
+    data: O,
+    problem: &'p objective::Problem,
     start: Start,
-    energy: f64,
     lambda: f64,
     budget: usize,
     tolerance: f64,
@@ -125,10 +124,10 @@ fn positive(x: &[f64], start: Start) -> Vec<f64> {
     x.iter().enumerate().map(|(i, v)| v.max(floor[i / n])).collect()
 }
 
-impl<S: LinearSolver> Descent<'_, '_, S> {
+impl<O: Objective> Descent<'_, '_, O> {
     fn evaluate(&mut self, x: &[f64], gradient: bool) -> Result<(f64, Vec<f64>), Error> {
         let reached = self.best.as_ref().is_some_and(|b| b.fit <= EPSILON);
-        if reached || self.data.work.gradient_evaluations >= self.budget {
+        if reached || self.data.work().gradient_evaluations >= self.budget {
             return Err(Finished.into());
         }
         self.compute(x, gradient).map_err(|error| {
@@ -141,40 +140,39 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
     fn compute(&mut self, x: &[f64], gradient: bool) -> Result<(f64, Vec<f64>), InverseError> {
         let n = x.len() / 2;
         let values = positive(x, self.start);
-        let medium = Medium::new(*self.data.grid(), values[..n].to_vec(), values[n..].to_vec())
-            .map_err(|e| InverseError::Optimiser(e.to_string()))?;
-        let misfit = self.data.forward(medium, self.tolerance)?;
+        let logs = self.data.vector(values.iter().map(|v| v.ln()).collect());
+        let misfit = self.data.forward(&logs, self.tolerance)?;
         let mut slope = vec![0.0; 2 * n];
         if gradient {
-            let by = self.data.gradient(self.tolerance)?;
-            for (slope, g) in slope.iter_mut().zip(by.by_kappa.iter().chain(&by.by_mu)) {
-                *slope = g / self.energy;
-            }
+            let by_logs = self.data.gradient(self.tolerance)?;
+            slope = self.data.host(&by_logs)?;
+            slope.iter_mut().zip(&values).for_each(|(slope, value)| *slope /= value);
         }
+        let grid = &self.problem.grid;
         let scale = self.lambda / self.start.kappa_mm.powi(2);
-        let roughness = squared_gradient(self.data.grid(), &values[..n], scale, &mut slope[..n]);
+        let roughness = squared_gradient(grid, &values[..n], scale, &mut slope[..n]);
         for i in 0..2 * n {
             if values[i] != x[i] {
                 slope[i] = 0.0;
             }
         }
-        let objective = misfit.weighted / self.energy + scale * roughness;
+        let objective = misfit.weighted / self.problem.measurement.energy() + scale * roughness;
         if gradient {
             self.history.push(misfit.fit);
         }
-        let chi2 = self.data.problem().chi2(&misfit);
+        let chi2 = self.problem.chi2(&misfit);
         if self.best.as_ref().is_none_or(|b| objective < b.objective) {
             let (fit, gain) = (misfit.fit, misfit.gain);
             self.best = Some(Best { x: x.to_vec(), objective, fit, chi2, gain });
         }
         let progress = Progress {
             stage: Stage::Volume,
-            work: self.data.work,
+            work: self.data.work(),
             objective,
             fit: misfit.fit,
             chi2,
             lambda: self.lambda,
-            cells: self.data.grid().cells(),
+            cells: grid.cells(),
             iterate: None,
         };
         if (self.observer)(&progress) {
@@ -185,9 +183,9 @@ impl<S: LinearSolver> Descent<'_, '_, S> {
     }
 }
 
-struct Objective<'s, 'a, 'o, S>(&'s RefCell<Descent<'a, 'o, S>>);
+struct Descending<'s, 'p, 'o, O>(&'s RefCell<Descent<'p, 'o, O>>);
 
-impl<S: LinearSolver> CostFunction for Objective<'_, '_, '_, S> {
+impl<O: Objective> CostFunction for Descending<'_, '_, '_, O> {
     type Param = Vec<f64>;
     type Output = f64;
     fn cost(&self, x: &Vec<f64>) -> Result<f64, Error> {
@@ -195,7 +193,7 @@ impl<S: LinearSolver> CostFunction for Objective<'_, '_, '_, S> {
     }
 }
 
-impl<S: LinearSolver> Gradient for Objective<'_, '_, '_, S> {
+impl<O: Objective> Gradient for Descending<'_, '_, '_, O> {
     type Param = Vec<f64>;
     type Gradient = Vec<f64>;
     fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, Error> {

@@ -1,5 +1,6 @@
 //! The default method: log κ and log μ of every cell, from coarse to fine, λ from the images.
 
+use super::accuracy::Accuracy;
 use super::homogeneous::{self, Start};
 use super::lbfgs::{Minimiser, Point, Shifts};
 use super::levels::levels;
@@ -180,12 +181,12 @@ impl Run<'_, '_> {
         let mut objective = device.objective(problem)?;
         objective.centre(self.centre());
         let u = objective.vector(self.at.logs.clone());
-        let tolerance = self.settings.tolerance;
+        let accuracy = Accuracy::new(self.settings.tolerance);
         let mut minimiser = Minimiser::new(&mut objective, problem.measurement.weighted_energy());
-        let mut here = minimiser.point(u, tolerance)?;
+        let mut here = minimiser.point(u, &accuracy)?;
         self.tell(&minimiser, &here, problem)?;
         if shifts.is_none() && limit >= LEAST_FOR_SHIFTS {
-            *shifts = Some(minimiser.shifts(&here, tolerance)?);
+            *shifts = Some(minimiser.shifts(&here, &accuracy)?);
         }
         minimiser.know(shifts.as_ref());
         let converged;
@@ -195,14 +196,20 @@ impl Run<'_, '_> {
             self.search(&mut minimiser, problem, here, limit)?
         };
         if self.at.level > 0 && limit >= LEAST_FOR_SHIFTS {
-            *shifts = Some(minimiser.shifts(&here, tolerance)?);
+            *shifts = Some(minimiser.shifts(&here, &accuracy)?);
         }
         if !self.at.chosen && self.at.level > 0 {
             self.at.lambda *= LIFT;
         }
+        let misfit = if self.at.chosen {
+            // This one is told.
+            minimiser.objective.forward(&here.u, accuracy.exact())?
+        } else {
+            here.misfit
+        };
         self.at.logs = minimiser.objective.host(&here.u)?;
         self.at.work = self.work(&minimiser, problem);
-        Ok((here.misfit, converged))
+        Ok((misfit, converged))
     }
 
     /// Lowers λ as long as that pays. Gives the point at the best one, and whether it converged.
@@ -254,6 +261,7 @@ impl Run<'_, '_> {
         (least, steps): (f64, usize),
     ) -> Result<(Point<O::Vector>, bool), InverseError> {
         let lambda = self.at.lambda * self.roughness_scale(problem);
+        let accuracy = Accuracy::new(self.settings.tolerance);
         let mut recent = vec![here.value(lambda)];
         loop {
             let k = recent.len();
@@ -263,7 +271,7 @@ impl Run<'_, '_> {
             if minimiser.objective.work().gradient_evaluations >= limit {
                 return Ok((here, false));
             }
-            match minimiser.step(&here, lambda, self.settings.tolerance)? {
+            match minimiser.step(&here, lambda, &accuracy)? {
                 Some(next) => here = next,
                 // Converged to rounding.
                 None => return Ok((here, true)),
