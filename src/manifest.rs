@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::session::Sample;
 use calibration::NoiseModel;
-use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary};
+use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Scheme};
 use rig::{Pattern, Rect};
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -37,6 +37,8 @@ struct SampleEntry {
     lateral: LateralBoundary,
     #[serde(default)]
     illumination: Illumination,
+    #[serde(default)]
+    scheme: Scheme,
 }
 
 /// `[pictures]`: what all pictures have in common.
@@ -200,6 +202,7 @@ impl Manifest {
             boundary: s.boundary,
             lateral: s.lateral,
             illumination: s.illumination,
+            scheme: s.scheme,
         };
         sample.optics()?;
         Ok(sample)

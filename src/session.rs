@@ -50,6 +50,9 @@ pub(crate) struct Sample {
     pub lateral: LateralBoundary,
     #[serde(default)]
     pub illumination: material::Illumination,
+    /// `stam` to reproduce Wang et al. 2008.
+    #[serde(default)]
+    pub scheme: material::Scheme,
 }
 
 impl Sample {
@@ -61,6 +64,7 @@ impl Sample {
         }
         optics.lateral = self.lateral;
         optics.illumination = self.illumination;
+        optics.scheme = self.scheme;
         Ok(optics)
     }
 }

@@ -1,9 +1,9 @@
 //! The exact gradient of a function of the front face's radiance, by the discrete adjoint.
 
 use crate::cpu::sweep::{Row, RowKernel, rows};
-use crate::operator::{PER_THREAD, face_cells};
+use crate::operator::{PER_THREAD, face_cells, unknown_per_fluence};
 use crate::{Batch, Forward, Illuminations, LinearSolver, SolveError, SolveReport, beam};
-use material::Face;
+use material::{Face, Scheme};
 use rayon::prelude::*;
 
 /// Derivatives of a scalar by κ and by μ of every cell.
@@ -21,7 +21,8 @@ impl<S: LinearSolver> Forward<'_, S> {
     /// Solves A w = ∂J/∂φ (starting from `adjoint`, which is left holding w) and contracts:
     /// ∂J/∂μ_c = −V w φ; every face −(∂T/∂κ) Δw Δφ; boundary faces (∂g/∂κ) A_f w (Q − φ), and the
     /// direct term through the g in L; the beam's source by `beam::add_gradient`. The
-    /// objective's own sum over fields is inside w and φ. This is the gradient of the
+    /// objective's own sum over fields is inside w and φ. With [`Scheme::Stam`] the unknown is κφ: inner
+    /// faces know no κ, and absorption and boundary do so otherwise. This is the gradient of the
     /// discrete objective itself; W08 (7) is the continuous form, without the boundary terms.
     ///
     /// # Errors
@@ -49,8 +50,9 @@ impl<S: LinearSolver> Forward<'_, S> {
         }
         let report = self.solve_raw(&b, adjoint, tolerance)?;
 
+        let scheme = self.scheme();
         let medium = self.medium();
-        let kappa = medium.kappa_mm();
+        let (kappa, mu) = (medium.kappa_mm(), medium.mu_per_mm());
         let volume = grid.cell_volume_mm3();
         let cells = grid.cells();
         let h = grid.spacing_mm();
@@ -58,7 +60,8 @@ impl<S: LinearSolver> Forward<'_, S> {
         let operator = self.solver_operator().ok_or(SolveError::NotPrepared)?;
         let product = products(cells, fluence, adjoint);
         let each = || (0..grid.len()).into_par_iter().with_min_len(PER_THREAD);
-        let mut by_mu: Vec<f64> = each().map(|i| -volume * product[i][OWN]).collect();
+        let by_mu = |i: usize| -volume * product[i][OWN] / unknown_per_fluence(scheme, kappa[i]);
+        let mut by_mu: Vec<f64> = each().map(by_mu).collect();
 
         // Inner faces: T = 2 A κa κb / (h (κa + κb)), ∂T/∂κa = 2 A κb² / (h (κa + κb)²).
         let scale: [f64; 3] = std::array::from_fn(|a| 2.0 * volume / (h[a] * h[a]));
@@ -78,30 +81,43 @@ impl<S: LinearSolver> Forward<'_, S> {
             }
             sum
         };
-        let mut by_kappa: Vec<f64> = each().map(by_links).collect();
+        let mut by_kappa: Vec<f64> = match scheme {
+            Scheme::FiniteVolume => each().map(by_links).collect(),
+            // The absorption of κφ is μ/κ.
+            Scheme::Stam => {
+                each().map(|i| volume * mu[i] * product[i][OWN] / (kappa[i] * kappa[i])).collect()
+            }
+        };
 
-        // Boundary faces: g = A / (2C + h/(2κ)), ∂g/∂κ = g² h / (2 A κ²).
+        // Boundary faces: g = A / (2C + h/(2κ)) enters, ∂g/∂κ = g² h / (2 A κ²); e leaves, which is g, or
+        // g/κ = A / (2Cκ + h/2), ∂e/∂κ = −2C e²/A.
         for axis in 0..3 {
             let face_area = volume / h[axis];
             for side in 0..2 {
                 let front = axis == 2 && side == 0;
                 let lit = axis == 2 && front == (light.face() == Face::Front);
                 for (k, cell) in face_cells(cells, axis, side).enumerate() {
-                    let g = operator.edge[axis][side][k];
-                    let slope = g * g * h[axis] / (2.0 * face_area * kappa[cell] * kappa[cell]);
-                    let mut by_g = -product[cell][OWN];
+                    let e = operator.edge[axis][side][k];
+                    let g = e * unknown_per_fluence(scheme, kappa[cell]);
+                    let g_slope = g * g * h[axis] / (2.0 * face_area * kappa[cell] * kappa[cell]);
+                    let e_slope = match scheme {
+                        Scheme::FiniteVolume => g_slope,
+                        Scheme::Stam => -2.0 * surface.boundary_constant * e * e / face_area,
+                    };
+                    let (mut by_g, mut by_e) = (0.0, -product[cell][OWN]);
                     if lit || front {
                         for m in 0..light.count() {
                             let drive = if lit { surface.drive } else { 0.0 };
                             let outside = drive * light.maps()[m][k];
                             by_g += adjoint.get(m, cell) * outside;
                             if front {
-                                by_g += by_radiance[m][k] * surface.exit_per_flux / area
-                                    * (fluence.get(m, cell) - outside);
+                                let by_flux = by_radiance[m][k] * surface.exit_per_flux / area;
+                                by_e += by_flux * fluence.get(m, cell);
+                                by_g -= by_flux * outside;
                             }
                         }
                     }
-                    by_kappa[cell] += slope * by_g;
+                    by_kappa[cell] += g_slope * by_g + e_slope * by_e;
                 }
             }
         }

@@ -2,15 +2,16 @@
 
 use crate::{
     Batch, Illuminations, LinearSolver, Medium, Operator, SolveError, SolveReport, SurfaceModel,
-    beam::first_scatter,
+    beam::first_scatter, operator::unknown_per_fluence,
 };
-use material::{Face, Optics};
+use material::{Face, Optics, Scheme};
 use rayon::prelude::*;
 
 /// The forward problem of one medium: set up once, solved for any illumination.
 pub struct Forward<'a, S> {
     medium: Medium,
     surface: SurfaceModel,
+    scheme: Scheme,
     solver: &'a mut S,
 }
 
@@ -21,12 +22,12 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
     /// The backend cannot hold the operator.
     pub fn new(medium: Medium, optics: &Optics, solver: &'a mut S) -> Result<Self, SolveError> {
         solver.prepare(Operator::new(&medium, optics))?;
-        Ok(Self { medium, surface: SurfaceModel::new(optics), solver })
+        Ok(Self::prepared(medium, optics, solver))
     }
 
     /// The forward problem of a medium that `solver` is prepared for already.
     pub(crate) fn prepared(medium: Medium, optics: &Optics, solver: &'a mut S) -> Self {
-        Self { medium, surface: SurfaceModel::new(optics), solver }
+        Self { medium, surface: SurfaceModel::new(optics), scheme: optics.scheme, solver }
     }
 
     /// The medium.
@@ -56,11 +57,10 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
             }
         }
         if drive != 0.0 {
-            let g = self.face_conductance(light.face());
-            let first = self.first_cell(light.face());
+            let (g, first) = (self.entrance(light.face()), self.first_cell(light.face()));
             for (block, maps) in light.maps().chunks(lanes).enumerate() {
                 let face = b.block_mut(block)[first * lanes..].chunks_exact_mut(lanes);
-                for (c, (out, g)) in face.zip(g).enumerate() {
+                for (c, (out, g)) in face.zip(&g).enumerate() {
                     for (o, map) in out.iter_mut().zip(maps) {
                         *o += g * drive * map[c];
                     }
@@ -70,7 +70,8 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         b
     }
 
-    /// Fluence of every pattern, starting from `fluence` (zeros, or a near solution).
+    /// Fluence of every pattern (with [`Scheme::Stam`] κ times it), starting from `fluence` (zeros, or a
+    /// near solution).
     ///
     /// # Errors
     /// As [`LinearSolver::solve`].
@@ -120,7 +121,7 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         fluence: &Batch,
         face: Face,
     ) -> Vec<Vec<f64>> {
-        let g = self.face_conductance(face);
+        let (leaves, enters) = (self.face_conductance(face), self.entrance(face));
         let first = self.first_cell(face);
         let area = self.face_area();
         let lit = face == light.face();
@@ -129,10 +130,10 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
             let pixel = |c: usize| {
                 let e = if lit { map[c] } else { 0.0 };
                 let outside = self.surface.drive * e;
-                let flux = g[c] / area * (fluence.get(m, first + c) - outside);
+                let flux = (leaves[c] * fluence.get(m, first + c) - enters[c] * outside) / area;
                 self.surface.exit_per_flux * flux + self.surface.exit_per_irradiance * e
             };
-            (0..g.len()).map(pixel).collect()
+            (0..leaves.len()).map(pixel).collect()
         });
         exit.collect()
     }
@@ -148,6 +149,17 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
 
     pub(crate) fn face_conductance(&self, face: Face) -> &[f64] {
         self.solver.operator().map_or(&[], |operator| operator.face_conductance(face))
+    }
+
+    /// What every cell of a face gains through it for one unit of light outside: g · A_f, mm².
+    fn entrance(&self, face: Face) -> Vec<f64> {
+        let kappa = &self.medium.kappa_mm()[self.first_cell(face)..];
+        let leaves = self.face_conductance(face).iter().zip(kappa);
+        leaves.map(|(leaves, kappa)| leaves * unknown_per_fluence(self.scheme, *kappa)).collect()
+    }
+
+    pub(crate) fn scheme(&self) -> Scheme {
+        self.scheme
     }
 
     pub(crate) fn first_cell(&self, face: Face) -> usize {

@@ -3,7 +3,7 @@
 use crate::cpu::real::scale_add;
 use crate::cpu::sweep::{Row, RowKernel, neighbour_sum, rows};
 use crate::{Batch, Medium, Real};
-use material::{Face, LateralBoundary, Optics};
+use material::{Face, LateralBoundary, Optics, Scheme};
 use rayon::prelude::*;
 
 /// Cells of a set-up that are worth handing to another thread.
@@ -14,6 +14,9 @@ pub(crate) const PER_THREAD: usize = 1 << 12;
 /// Between cells a and b: T = A_f / (h/(2κa) + h/(2κb)). At a boundary face the surface value
 /// is eliminated: g = A_f / (2C + h/(2κ)). The matrix is symmetric positive definite, so the
 /// adjoint problem has the same matrix. Units: conductances mm², so that A φ is φ · mm².
+///
+/// With [`Scheme::Stam`] the unknown is ψ = κφ, in which that equation, Δψ − (μ/κ)ψ = 0, is
+/// symmetric too: T = A_f/h, absorption μ/κ, and a boundary face leads g/κ to ψ. Conductances are in mm.
 #[derive(Clone, Debug)]
 pub struct Operator {
     cells: [usize; 3],
@@ -47,7 +50,10 @@ impl Operator {
                     if position + 1 < cells[a] {
                         let here = z * strides[2] + i;
                         let (ka, kb) = (kappa[here], kappa[here + strides[a]]);
-                        *t = 2.0 * area * ka * kb / (h[a] * (ka + kb));
+                        *t = match optics.scheme {
+                            Scheme::FiniteVolume => 2.0 * area * ka * kb / (h[a] * (ka + kb)),
+                            Scheme::Stam => area / h[a],
+                        };
                     }
                 }
             });
@@ -61,15 +67,18 @@ impl Operator {
                         if closed {
                             0.0
                         } else {
-                            volume
+                            let g = volume
                                 / h[a]
-                                / (2.0 * optics.boundary_constant + h[a] / (2.0 * kappa[cell]))
+                                / (2.0 * optics.boundary_constant + h[a] / (2.0 * kappa[cell]));
+                            g / unknown_per_fluence(optics.scheme, kappa[cell])
                         }
                     })
                     .collect()
             })
         });
-        let absorption: Vec<f64> = medium.mu_per_mm().iter().map(|mu| mu * volume).collect();
+        let sink =
+            |(mu, kappa): (&f64, &f64)| mu * volume / unknown_per_fluence(optics.scheme, *kappa);
+        let absorption: Vec<f64> = medium.mu_per_mm().iter().zip(kappa).map(sink).collect();
         Self::assemble(cells, h, link, edge, absorption)
     }
 
@@ -137,7 +146,8 @@ impl Operator {
         self.diagonal.len()
     }
 
-    /// Boundary conductance g · A_f of every cell of the front or back face, mm².
+    /// What a cell of the front or back face loses through it for one unit of the unknown: g · A_f, mm²,
+    /// or over κ where the unknown is κφ.
     pub fn face_conductance(&self, face: Face) -> &[f64] {
         &self.edge[2][match face {
             Face::Front => 0,
@@ -209,6 +219,14 @@ impl<T: Real, const L: usize> RowKernel<T, L> for Residual<'_, L> {
                 out[x][l] = T::from_f64(r[l]);
             }
         }
+    }
+}
+
+/// What is solved for, φ or κφ, over φ.
+pub(crate) fn unknown_per_fluence(scheme: Scheme, kappa: f64) -> f64 {
+    match scheme {
+        Scheme::FiniteVolume => 1.0,
+        Scheme::Stam => kappa,
     }
 }
 

@@ -2,7 +2,7 @@
 //! reciprocity.
 
 use diffusion::{Batch, CpuSolver, Forward, Illuminations, Medium, Operator};
-use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics};
+use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics, Scheme};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -315,6 +315,55 @@ fn source_and_exit_can_be_swapped() {
     }
     // The block is rough enough that the test would notice spots that are mixed up.
     assert!(unlike > 1e-2, "{unlike}");
+}
+
+/// W08 (8): with `Scheme::Stam`, (κφ of the six neighbours − 6 κφ)/h² − μφ = 0 in every cell inside, to what the
+/// solve leaves; the default solves another equation there. Where κ is the same everywhere both are one,
+/// light and images too.
+#[test]
+fn scheme_stam_is_the_papers_stencil() {
+    let grid = Grid::new([7, 6, 5], [0.7; 3]).unwrap();
+    let medium = rough(grid);
+    let light = Illuminations::regions(&grid, Face::Back, 2).unwrap();
+    let solve = |medium: &Medium, scheme: Scheme| {
+        let optics = Optics { scheme, ..wang2008(LateralBoundary::Open) };
+        let mut solver = CpuSolver::<f64>::new();
+        let mut forward = Forward::new(medium.clone(), &optics, &mut solver).unwrap();
+        let mut unknown = Batch::zeros(grid.len(), light.count());
+        forward.solve(&light, &mut unknown, 1e-12).unwrap();
+        let images = forward.exit_radiance(&light, &unknown, Face::Front);
+        (unknown, images)
+    };
+    let kappa = medium.kappa_mm();
+    let residual = |kappa_phi: &dyn Fn(usize) -> f64| -> f64 {
+        let mut worst = 0.0f64;
+        for (x, y, z) in
+            (1..6).flat_map(|x| (1..5).flat_map(move |y| (1..4).map(move |z| (x, y, z))))
+        {
+            let i = (z * 6 + y) * 7 + x;
+            let neighbours = [i - 1, i + 1, i - 7, i + 7, i - 42, i + 42];
+            let sum: f64 = neighbours.into_iter().map(kappa_phi).sum();
+            let absorbed = medium.mu_per_mm()[i] * kappa_phi(i) / kappa[i];
+            let off = (sum - 6.0 * kappa_phi(i)) / 0.49 - absorbed;
+            worst = worst.max(off.abs() / (6.0 * kappa_phi(i) / 0.49));
+        }
+        worst
+    };
+    let (stam, _) = solve(&medium, Scheme::Stam);
+    let (other, _) = solve(&medium, Scheme::FiniteVolume);
+    let of_stam = residual(&|i| stam.get(0, i));
+    let of_other = residual(&|i| kappa[i] * other.get(0, i));
+    // The residual of 1e-12 is the whole block's, of which a cell far from the light has little.
+    assert!(of_stam < 1e-8, "{of_stam:.1e}");
+    assert!(of_other > 0.05, "{of_other:.1e}");
+
+    let even = Medium::new(grid, vec![0.3; grid.len()], medium.mu_per_mm().to_vec()).unwrap();
+    let [(_, stam), (_, other)] =
+        [Scheme::Stam, Scheme::FiniteVolume].map(|scheme| solve(&even, scheme));
+    let peak = other.iter().flatten().fold(0.0f64, |a, l| a.max(*l));
+    for (a, b) in stam.iter().flatten().zip(other.iter().flatten()) {
+        assert!((a - b).abs() < 1e-9 * peak, "{a} {b}");
+    }
 }
 
 /// The matrix itself is symmetric: u·(A v) = v·(A u) to the rounding of sums of 1000 terms.

@@ -1,7 +1,7 @@
 //! The discrete adjoint against central differences and Taylor's theorem, in double precision.
 
 use diffusion::{Batch, CpuSolver, Forward, Illuminations, Medium};
-use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics};
+use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics, Scheme};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -23,11 +23,16 @@ fn cases() -> Vec<(String, Case)> {
     for boundary in
         [BoundaryConvention::Transport, BoundaryConvention::Wang2008, BoundaryConvention::Wang2010]
     {
-        for illumination in [Illumination::Collimated, Illumination::Diffuse] {
+        for (illumination, scheme) in [
+            (Illumination::Collimated, Scheme::FiniteVolume),
+            (Illumination::Diffuse, Scheme::FiniteVolume),
+            (Illumination::Collimated, Scheme::Stam),
+        ] {
             for (face, lateral) in
                 [(Face::Back, LateralBoundary::Open), (Face::Front, LateralBoundary::NoFlux)]
             {
-                let optics = Optics { boundary, illumination, lateral, ..Optics::from_eta(1.3) };
+                let convention = Optics::from_eta(1.3);
+                let optics = Optics { boundary, illumination, lateral, scheme, ..convention };
                 let mut random = |lo: f64, hi: f64, n: usize| -> Vec<f64> {
                     (0..n).map(|_| rng.random_range(lo..hi)).collect()
                 };
@@ -41,7 +46,8 @@ fn cases() -> Vec<(String, Case)> {
                     kappa: random(0.15, 0.6, grid.len()),
                     mu: random(0.005, 0.1, grid.len()),
                 };
-                out.push((format!("{boundary:?} {illumination:?} {face:?} {lateral:?}"), case));
+                let name = format!("{boundary:?} {illumination:?} {scheme:?} {face:?} {lateral:?}");
+                out.push((name, case));
             }
         }
     }

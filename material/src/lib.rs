@@ -31,7 +31,7 @@ pub use file_error::FileError;
 pub use format::{Conversion, Format, Written, readers, write_all};
 pub use grid::{Grid, GridError};
 pub use optics::{
-    BoundaryConvention, Face, Illumination, LateralBoundary, Optics, boundary_constant,
+    BoundaryConvention, Face, Illumination, LateralBoundary, Optics, Scheme, boundary_constant,
     diffuse_reflectance, normal_reflectance, partial_current_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};

@@ -27,6 +27,18 @@ pub enum BoundaryConvention {
     Wang2010,
 }
 
+/// Which equation of κ and φ is discretised where κ varies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scheme {
+    /// ∇·(κ∇φ) − μφ = 0, by conservative finite volumes.
+    #[default]
+    FiniteVolume,
+    /// Δ(κφ) − μφ = 0: what the stencil of Wang et al. 2008, equation (8), after Stam 1995, comes
+    /// to. Another equation where κ varies; to reproduce the paper.
+    Stam,
+}
+
 /// What the four side faces of the block do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -62,6 +74,13 @@ pub struct Optics {
     pub lateral: LateralBoundary,
     /// Shape of the incoming light.
     pub illumination: Illumination,
+    /// Diffusion equation inside; materials from before there was a choice have the default.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub scheme: Scheme,
+}
+
+fn is_default(scheme: &Scheme) -> bool {
+    *scheme == Scheme::default()
 }
 
 impl Optics {
@@ -83,6 +102,7 @@ impl Optics {
             boundary,
             lateral: LateralBoundary::default(),
             illumination: Illumination::default(),
+            scheme: Scheme::default(),
         }
     }
 }

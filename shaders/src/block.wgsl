@@ -16,9 +16,18 @@ struct Block {
     closed: u32,               // 1 if no light passes the lateral faces
     free_gain: u32,
     pull: f32,                 // what one cell's distance from the origin counts, squared
+    stam: u32,                 // 1 if the unknown is κφ, see Operator in diffusion/src/operator.rs
 }
 
 @group(1) @binding(0) var<storage, read> block: Block;
+
+// What enters through a face along z for one unit of light outside, from what leaves through it for one
+// unit of the unknown.
+fn entrance(leaves: f32) -> f32 {
+    let area = block.spacing.x * block.spacing.y;
+    let of_kappa_phi = (area - 0.5 * block.spacing.z * leaves) / (2.0 * block.boundary_constant);
+    return select(leaves, of_kappa_phi, block.stam == 1u);
+}
 
 // The cell at depth k as the light meets them.
 fn lit_depth(k: u32) -> u32 {

@@ -4,7 +4,7 @@
 @group(1) @binding(1) var<storage, read> logs: array<f32>; // log κ of all cells, then log μ
 @group(1) @binding(2) var<storage, read_write> kappa: array<f32>;
 @group(1) @binding(3) var<storage, read_write> mu: array<f32>;
-@group(1) @binding(4) var<storage, read_write> sink: array<f32>; // μ times the cell's volume
+@group(1) @binding(4) var<storage, read_write> sink: array<f32>; // μ (of κφ: μ/κ) times the cell's volume
 
 @compute @workgroup_size(64)
 fn coefficients(@builtin(global_invocation_id) place: vec3<u32>) {
@@ -17,5 +17,5 @@ fn coefficients(@builtin(global_invocation_id) place: vec3<u32>) {
     let held = exp(clamp(u, block.origin - block.range, block.origin + block.range));
     kappa[cell] = held.x;
     mu[cell] = held.y;
-    sink[cell] = block.volume * held.y;
+    sink[cell] = block.volume * held.y / select(1.0, held.x, block.stam == 1u);
 }

@@ -1,4 +1,5 @@
-// Conductances across all faces from κ: harmonic between cells, the boundary's on the surface.
+// Conductances across all faces from κ: harmonic between cells, the boundary's on the surface. Those of
+// κφ: the same between all cells, the boundary's over κ.
 // Twin: Operator::new in diffusion/src/operator.rs.
 
 @group(1) @binding(1) var<storage, read> kappa: array<f32>;
@@ -14,12 +15,18 @@ fn conductance(axis: u32, at: u32, below: u32, above: u32) -> f32 {
     if at > 0u && at < n {
         let a = kappa[below];
         let b = kappa[above];
+        if block.stam == 1u {
+            return area / h;
+        }
         return 2.0 * area * a * b / (h * (a + b));
     }
     if axis < 2u && block.closed == 1u {
         return 0.0;
     }
     let own = kappa[select(above, below, at == n)];
+    if block.stam == 1u {
+        return area / (2.0 * block.boundary_constant * own + 0.5 * h);
+    }
     return area / (2.0 * block.boundary_constant + h / (2.0 * own));
 }
 

@@ -14,9 +14,10 @@ fn exit_radiance(at: Invocation) {
     if all(vec2(at.id.x / level.quads, at.id.y) < level.cells.xy) {
         // The front face's cells are the first of the block.
         let i = at.id.y * level.cells.x * level.quads + at.id.x;
-        let g = face_z[i / level.quads] / (block.spacing.x * block.spacing.y);
+        let leaves = face_z[i / level.quads];
+        let outside = entrance(leaves) * block.drive;
         let light = select(vec4(0.0), irradiance[i], block.lit_front == 1u);
-        let flux = g * (fluence[i] - block.drive * light);
+        let flux = (leaves * fluence[i] - outside * light) / (block.spacing.x * block.spacing.y);
         let l = block.exit_per_flux * flux + block.exit_per_irradiance * light;
         radiance[i] = l;
         let w = max(weight[i], vec4(0.0)); // below 0 it is kept out of the fit

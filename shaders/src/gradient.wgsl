@@ -10,6 +10,9 @@
 
 // −∂T/∂κ of this cell times Σ Δφ Δw, over an inner face; `ratio` is κ beyond / (κ here + κ beyond).
 fn across(cell: u32, beyond: u32, axis: u32) -> f32 {
+    if block.stam == 1u {
+        return 0.0;
+    }
     let own = kappa[cell];
     let other = kappa[beyond];
     let ratio = other / (own + other);
@@ -23,11 +26,17 @@ fn across(cell: u32, beyond: u32, axis: u32) -> f32 {
     return -2.0 * block.volume / (h * h) * ratio * ratio * drop;
 }
 
-// ∂g/∂κ times Σ w (outside − φ), and what leaves the front face directly through its own g.
-fn surface(cell: u32, axis: u32, high: bool, g: f32, column: u32) -> f32 {
+// Σ w (∂g/∂κ outside − ∂e/∂κ φ), e being what leaves for one unit of the unknown and g what enters; and what
+// leaves the front face directly through its own e and g.
+fn surface(cell: u32, axis: u32, high: bool, leaves: f32, column: u32) -> f32 {
     let h = block.spacing[axis];
     let area = block.volume / h;
-    let slope = g * g * h / (2.0 * area * kappa[cell] * kappa[cell]);
+    var g_slope = leaves * leaves * h / (2.0 * area);
+    var e_slope = -2.0 * block.boundary_constant * leaves * leaves / area;
+    if block.stam == 0u {
+        g_slope /= kappa[cell] * kappa[cell];
+        e_slope = g_slope;
+    }
     let lit = axis == 2u && high == (block.lit_front == 0u);
     let front = axis == 2u && !high;
     var sum = 0.0;
@@ -41,9 +50,9 @@ fn surface(cell: u32, axis: u32, high: bool, g: f32, column: u32) -> f32 {
         if front {
             pull -= block.exit_per_flux / area * by_radiance[column * level.quads + q];
         }
-        sum += dot(pull, outside - fluence[i]);
+        sum += dot(pull, g_slope * outside - e_slope * fluence[i]);
     }
-    return slope * sum;
+    return sum;
 }
 
 fn conductance(axis: u32, face: u32) -> f32 {
@@ -83,6 +92,11 @@ fn gradient(@builtin(global_invocation_id) place: vec3<u32>) {
         let i = cell * level.quads + q;
         product += dot(fluence[i], adjoint[i]);
     }
+    var by_mu = -block.volume * product;
+    if block.stam == 1u {
+        by_kappa += absorption[cell] / kappa[cell] * product;
+        by_mu /= kappa[cell];
+    }
     slopes[cell] += by_kappa;
-    slopes[n.x * n.y * n.z + cell] -= block.volume * product;
+    slopes[n.x * n.y * n.z + cell] += by_mu;
 }

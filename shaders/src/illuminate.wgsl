@@ -10,7 +10,7 @@ fn visit(place: vec3<u32>, cell: u32, i: u32) -> vec4<f32> {
     var enters = block.beam * source[cell];
     if place.z == lit_depth(0u) {
         let last = level.cells.z * level.cells.x * level.cells.y;
-        enters += block.drive * face_z[column + select(last, 0u, block.lit_front == 1u)];
+        enters += block.drive * entrance(face_z[column + select(last, 0u, block.lit_front == 1u)]);
     }
     b[i] = enters * irradiance[column * level.quads + i % level.quads];
     return vec4(0.0);

@@ -5,7 +5,7 @@ use crate::output::{Done, counted};
 use crate::regime::Regime;
 use crate::statistics::Spread;
 use material::{
-    BoundaryConvention, Channel, Face, Format, LateralBoundary, Material, Reading,
+    BoundaryConvention, Channel, Face, Format, LateralBoundary, Material, Reading, Scheme,
     impossible_voxels,
 };
 use serde::Serialize;
@@ -116,9 +116,10 @@ impl Info {
         };
         writeln!(
             out,
-            "refractive index {}, C {}, convention {convention}; lit from the {face}, {sides}",
+            "refractive index {}, C {}, convention {convention}; lit from the {face}, {sides}{}",
             number(optics.eta),
-            number(optics.boundary_constant)
+            number(optics.boundary_constant),
+            if optics.scheme == Scheme::Stam { "; scheme stam: Δ(κφ) − μφ = 0" } else { "" }
         )?;
         let made = &self.provenance;
         let by = format!("{} {}", made.software, made.version);

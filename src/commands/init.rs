@@ -10,7 +10,9 @@ use crate::session::{Config, PlanConfig, RigConfig, Sample, Session};
 use crate::wheel;
 use calibration::{Board, NoiseModel};
 use clap::ValueEnum;
-use material::{BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite, atomic_copy};
+use material::{
+    BoundaryConvention, Face, Illumination, LateralBoundary, Overwrite, Scheme, atomic_copy,
+};
 use serde_json::json;
 use simulator::{Imperfections, SampleKind, SampleSpec, SimulatedRig, Transport};
 use std::path::PathBuf;
@@ -122,6 +124,7 @@ pub(crate) fn simulated_config(args: &SimulatedArgs) -> Result<Config, Failure> 
             boundary: BoundaryConvention::default(),
             lateral: LateralBoundary::default(),
             illumination: Illumination::default(),
+            scheme: Scheme::default(),
         },
         rig: RigConfig::Simulated {
             sample: spec,

@@ -70,12 +70,13 @@ fn made(material: &Material) -> String {
         (
             "Optics",
             format!(
-                "η = {}, C = {:.4}, boundary {}, sides {}, light {}",
+                "η = {}, C = {:.4}, boundary {}, sides {}, light {}, scheme {}",
                 optics.eta,
                 optics.boundary_constant,
                 word(&optics.boundary),
                 word(&optics.lateral),
-                word(&optics.illumination)
+                word(&optics.illumination),
+                word(&optics.scheme)
             ),
         ),
     ];

@@ -117,12 +117,12 @@ fn another_block(session: &Session, material: &Material) -> Result<Option<&'stat
         && sizes.into_iter().all(|(then, now)| close(then, now));
     let optics = close(then.eta, now.eta)
         && close(then.boundary_constant, now.boundary_constant)
-        && (then.boundary, then.lateral, then.illumination)
-            == (now.boundary, now.lateral, now.illumination);
+        && (then.boundary, then.lateral, then.illumination, then.scheme)
+            == (now.boundary, now.lateral, now.illumination, now.scheme);
     Ok(match (grid, material.lit_face() == sample.lit_face, optics) {
         (false, ..) => Some("grid"),
         (_, false, _) => Some("lit face"),
-        (.., false) => Some("surface (eta, boundary, sides or light)"),
+        (.., false) => Some("optics (eta, boundary, sides, light or scheme)"),
         _ => None,
     })
 }

@@ -11,11 +11,11 @@ use crate::inverse::{
     Device, InverseError, Misfit, Objective, Problem, RANGE, Work, pull, step_weights,
 };
 use crate::{SolveError, SurfaceModel};
-use material::{Face, LateralBoundary};
+use material::{Face, LateralBoundary, Scheme};
 use std::rc::Rc;
 
 /// Words of `Block` (block.wgsl), and where its origin and range, and its pull stand.
-const BLOCK: usize = 20;
+const BLOCK: usize = 24;
 const ORIGIN: u64 = 8;
 const PULL: u64 = 19;
 
@@ -404,6 +404,11 @@ fn write_block(gpu: &Gpu, block: &wgpu::Buffer, problem: &Problem, scale: f64) {
         flag(problem.optics.lateral == LateralBoundary::NoFlux),
         flag(problem.free_gain),
         // No pull either.
+        0.0,
+        flag(problem.optics.scheme == Scheme::Stam),
+        // To a whole number of vectors.
+        0.0,
+        0.0,
         0.0,
     ];
     gpu.write(block, &words);

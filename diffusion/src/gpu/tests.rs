@@ -6,7 +6,7 @@ use super::level::Hierarchy;
 use super::{Gpu, OnGpu, upload};
 use crate::inverse::{Device, Objective, Problem, Vector, WithSolver};
 use crate::{Batch, CpuSolver, Forward, Illuminations, Measurement, Medium, Operator, cpu};
-use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics};
+use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Optics, Scheme};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -109,9 +109,16 @@ fn objective_is_its_twin_under_every_convention() {
             BoundaryConvention::Wang2008,
             BoundaryConvention::Wang2010,
         ] {
-            for illumination in [Illumination::Collimated, Illumination::Diffuse] {
-                let optics = Optics { lateral, boundary, illumination, ..Optics::from_eta(1.3) };
-                let what = format!("{boundary:?} {illumination:?} {face:?} {lateral:?} x {count}");
+            for (illumination, scheme) in [
+                (Illumination::Collimated, Scheme::FiniteVolume),
+                (Illumination::Diffuse, Scheme::FiniteVolume),
+                (Illumination::Collimated, Scheme::Stam),
+            ] {
+                let convention = Optics::with_boundary(1.3, boundary);
+                let optics = Optics { lateral, illumination, scheme, ..convention };
+                let what = format!(
+                    "{boundary:?} {illumination:?} {scheme:?} {face:?} {lateral:?} x {count}"
+                );
                 agree(&gpu, &problem([9, 7, 6], count, optics, face, gain), &what);
             }
         }

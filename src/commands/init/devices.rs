@@ -5,7 +5,7 @@ use crate::Failure;
 use crate::devices::Simulated;
 use crate::session::{Config, PlanConfig, RigConfig, Sample};
 use calibration::{Board, NoiseModel};
-use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary};
+use material::{BoundaryConvention, Face, Grid, Illumination, LateralBoundary, Scheme};
 use rig::{Chessboard, RigFile};
 use std::path::{Path, PathBuf};
 
@@ -98,6 +98,7 @@ pub(super) fn config(
             boundary: BoundaryConvention::default(),
             lateral: LateralBoundary::default(),
             illumination: Illumination::default(),
+            scheme: Scheme::default(),
         },
         rig: RigConfig::Devices { noise: NoiseModel::for_max_value(full_scale), camera, board },
         plan: PlanConfig {
