@@ -7,6 +7,7 @@
 mod bandwidth;
 mod block;
 mod measure;
+mod memory;
 
 use clap::Parser;
 use diffusion::DeviceChoice;
@@ -19,8 +20,8 @@ use std::time::{Duration, Instant};
 ///
 /// On each grid: a forward solve of 16 right-hand sides to a residual of 1e-6, set-up included; the
 /// gradient (adjoint solve and contraction); and a whole inverse solve of three channels to the
-/// noise of its images, which come from a grid twice as fine. The bound is what the memory allows
-/// at the number of iterations that were needed.
+/// noise of its images, which come from a grid twice as fine, with the memory that takes. The bound is
+/// what the memory's bandwidth allows at the number of iterations that were needed.
 #[derive(Parser)]
 #[command(
     version,

@@ -1,6 +1,7 @@
 //! What is measured on one grid.
 
 use crate::block::{REGIONS, Sample, grid, marble};
+use crate::memory;
 use diffusion::{
     CpuSolver, Evaluation, Forward, Gpu, GpuSolver, Illuminations, InverseSettings, LinearSolver,
     Measurement, average, evaluate, evaluate_on_gpu, invert, invert_on_gpu,
@@ -50,6 +51,9 @@ struct Inverse {
     chi2: f64,
     solves: usize,
     fine_solves: f64,
+    /// Iterations of one of these.
+    iterations: f64,
+    peak_bytes: Option<u64>,
 }
 
 impl Bench {
@@ -88,7 +92,17 @@ impl Bench {
         images: &[Measurement],
     ) -> Result<Inverse, String> {
         let settings = InverseSettings::default();
-        let mut out = Inverse { seconds: 0.0, fit: 0.0, chi2: 0.0, solves: 0, fine_solves: 0.0 };
+        let mut out = Inverse {
+            seconds: 0.0,
+            fit: 0.0,
+            chi2: 0.0,
+            solves: 0,
+            fine_solves: 0.0,
+            iterations: 0.0,
+            peak_bytes: None,
+        };
+        memory::begin();
+        let mut iterations = 0.0;
         let mut solver = CpuSolver::<f32>::new();
         for image in images {
             let began = Instant::now();
@@ -103,7 +117,10 @@ impl Bench {
             out.chi2 = out.chi2.max(found.chi2);
             out.solves += found.work.linear_solves;
             out.fine_solves += found.work.fine_solves;
+            iterations += found.work.fine_iterations;
         }
+        out.iterations = iterations / out.fine_solves;
+        out.peak_bytes = memory::peak();
         Ok(out)
     }
 
@@ -161,7 +178,7 @@ impl Bench {
 }
 
 impl Row {
-    pub const HEADINGS: &str = "grid          lit    forward s  M unk x rhs/s  of the bound  iterations  gradient s  3 channels s  solves  fine solves  fit      chi2/N  W08 h";
+    pub const HEADINGS: &str = "grid          lit    forward s  M unk x rhs/s  of the bound  iterations  gradient s  3 channels s  solves  fine solves  of iterations  peak MiB  fit      chi2/N  W08 h";
 
     /// Unknowns × right-hand sides a second.
     fn rate(&self) -> f64 {
@@ -189,6 +206,8 @@ impl Row {
                 "chi2": i.chi2,
                 "linear_solves": i.solves,
                 "fine_solves": i.fine_solves,
+                "iterations_per_solve": i.iterations,
+                "peak_resident_bytes": i.peak_bytes,
             })),
             "wang2008_hours": self.paper_h,
         })
@@ -215,8 +234,15 @@ impl fmt::Display for Row {
         if let Some(i) = &self.inverse {
             write!(
                 f,
-                " {:13.2} {:7} {:12.0}  {:.1e}  {:6.2} {:6}",
-                i.seconds, i.solves, i.fine_solves, i.fit, i.chi2, self.paper_h
+                " {:13.2} {:7} {:12.0} {:14.1} {:>9}  {:.1e}  {:6.2} {:6}",
+                i.seconds,
+                i.solves,
+                i.fine_solves,
+                i.iterations,
+                i.peak_bytes.map_or("-".to_owned(), |bytes| (bytes >> 20).to_string()),
+                i.fit,
+                i.chi2,
+                self.paper_h
             )?;
         }
         Ok(())

@@ -15,6 +15,7 @@ struct Acquisition {
     optics: Optics,
     grid: Grid,
     truth: Medium,
+    block: fn(&Grid) -> Medium,
     measurement: Measurement,
 }
 
@@ -34,13 +35,39 @@ fn marble(grid: &Grid) -> Medium {
     Medium::new(*grid, kappa, mu).unwrap()
 }
 
+/// Sharp borders: two balls and a plate that scatter twice as much and absorb three times as much as the rest.
+fn inclusions(grid: &Grid) -> Medium {
+    let [nx, ny, _] = grid.cells();
+    let [width, height, depth] = grid.size_mm();
+    let (mut kappa, mut mu) = (Vec::new(), Vec::new());
+    for i in 0..grid.len() {
+        let [x, y, z] = grid.centre_mm(i % nx, i / nx % ny, i / (nx * ny));
+        let ball = |at: [f64; 2], r: f64| {
+            let [dx, dy, dz] = [x - at[0] * width, y - at[1] * height, z - 0.4 * depth];
+            dx * dx + dy * dy + dz * dz < r * r
+        };
+        let plate = (x - 0.5 * y - 0.3 * width).abs() < 1.0;
+        let inside = ball([0.7, 0.3], 0.45 * depth) || ball([0.75, 0.75], 0.35 * depth) || plate;
+        let (of_kappa, of_mu) = if inside { (0.5, 3.0) } else { (1.0, 1.0) };
+        kappa.push(0.28 * of_kappa);
+        mu.push(0.01 * of_mu);
+    }
+    Medium::new(*grid, kappa, mu).unwrap()
+}
+
 impl Acquisition {
     /// Lit on 4 x 4 regions of the back, every pixel off by `noise` of itself.
-    fn new(cells: [usize; 3], spacing: [f64; 3], noise: f64, seed: u64) -> Self {
+    fn new(
+        cells: [usize; 3],
+        spacing: [f64; 3],
+        noise: f64,
+        seed: u64,
+        block: fn(&Grid) -> Medium,
+    ) -> Self {
         let optics = Optics::from_eta(1.3);
         let grid = Grid::new(cells, spacing).unwrap();
         let fine = Grid::new(cells.map(|n| 2 * n), spacing.map(|h| h / 2.0)).unwrap();
-        let truth = marble(&fine);
+        let truth = block(&fine);
         let mut solver = CpuSolver::<f32>::new();
         let mut forward = Forward::new(truth.clone(), &optics, &mut solver).unwrap();
         let light = Illuminations::regions(&fine, Face::Back, 4).unwrap();
@@ -59,7 +86,7 @@ impl Acquisition {
         let noisy = clean.iter().map(|m| m.iter().map(|l| l * (1.0 + noise * normal())).collect());
         let light = Illuminations::regions(&grid, Face::Back, 4).unwrap();
         let measurement = Measurement::new(&grid, light, noisy.collect(), &variance).unwrap();
-        Self { optics, grid, truth, measurement }
+        Self { optics, grid, truth, block, measurement }
     }
 
     fn solve(&self, settings: &InverseSettings) -> Inverse {
@@ -81,7 +108,7 @@ impl Acquisition {
         let acquired = (&acquired, optics, found.gain);
         let go_on = |_, _| true;
         let e = bssrdf_error(acquired, truth, Face::Back, &mut solver, 1e-5, go_on).unwrap();
-        let on_grid = marble(grid);
+        let on_grid = (self.block)(grid);
         println!(
             "{:?}: E {e:.2e}, log kappa off by {:.3}, log mu by {:.3}; fit {:.2e}, chi2 {:.3}, lambda {:.1e}, \
              gain {:.4}; {} gradients, {:.0} fine-grid solves of {:.1} iterations, {seconds:.1} s; fit of 1e-4 after {:.0?} fine-grid solves",
@@ -113,7 +140,7 @@ fn log_error(a: &[f64], b: &[f64]) -> f64 {
 fn quality_on_the_patents_volume() {
     let seed = 1;
     println!("seed {seed}");
-    let acquisition = Acquisition::new([72, 72, 10], [0.5, 0.5, 0.5], 0.02, seed);
+    let acquisition = Acquisition::new([72, 72, 10], [0.5, 0.5, 0.5], 0.02, seed, marble);
     let found = acquisition.solve(&InverseSettings::default());
     for factor in [0.1, 10.0] {
         println!("lambda fixed at {factor} times that:");
@@ -128,7 +155,22 @@ fn quality_on_the_patents_volume() {
 fn work_to_the_papers_epsilon() {
     for seed in 1..=3 {
         println!("seed {seed}");
-        let acquisition = Acquisition::new([32, 32, 10], [0.5, 0.5, 0.5], 0.005, seed);
+        let acquisition = Acquisition::new([32, 32, 10], [0.5, 0.5, 0.5], 0.005, seed, marble);
         acquisition.solve(&InverseSettings::default());
+    }
+}
+
+/// What it brings to keep edges: on inclusions with sharp borders, and on marble that has none.
+#[test]
+#[ignore = "takes minutes, prints figures"]
+fn edges() {
+    let seed = 1;
+    println!("seed {seed}");
+    for (name, block) in [("inclusions", inclusions as fn(&Grid) -> Medium), ("marble", marble)] {
+        let acquisition = Acquisition::new([40, 40, 10], [0.5; 3], 0.01, seed, block);
+        for edge in [None, Some(0.2), Some(0.1), Some(0.05), Some(0.02)] {
+            println!("{name}, edge {edge:?}:");
+            acquisition.solve(&InverseSettings { edge, ..InverseSettings::default() });
+        }
     }
 }

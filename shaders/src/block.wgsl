@@ -16,6 +16,7 @@ struct Block {
     closed: u32,               // 1 if no light passes the lateral faces
     free_gain: u32,
     pull: f32,                 // what one cell's distance from the origin counts, squared
+    per_edge: f32,             // one over the step beyond which edges begin, or 0
     stam: u32,                 // 1 if the unknown is κφ, see Operator in diffusion/src/operator.rs
 }
 

@@ -56,6 +56,10 @@ pub(crate) struct Options {
     /// Fit a gain for each channel beside κ and μ
     #[arg(long)]
     free_gain: bool,
+    /// Keep edges: do not smooth borders of veins and inclusions, where κ or μ changes by more than 10 % from
+    /// one cell to the next
+    #[arg(long)]
+    edges: bool,
     /// Most gradient evaluations for each channel on each grid, from coarse to fine
     #[arg(long, default_value_t = 400)]
     max_evaluations: usize,
@@ -71,6 +75,7 @@ impl Options {
             method: MethodName::Lbfgs,
             lambda: None,
             free_gain: false,
+            edges: false,
             max_evaluations: 400,
             device: DeviceChoice::Auto,
         }
@@ -264,6 +269,9 @@ struct Solving<'s> {
     checkpoints: Checkpoints<'s>,
 }
 
+/// With `--edges`: the step of log κ or log μ that is one.
+const EDGE: f64 = 0.1;
+
 /// What a solve usually takes until it has converged, in forward and adjoint solves on its own grid;
 /// the time that is left is judged by it.
 const USUAL_SOLVES: f64 = 1600.0;
@@ -390,6 +398,7 @@ fn settings(options: &Options) -> Result<InverseSettings, Failure> {
         },
         lambda,
         free_gain: options.free_gain,
+        edge: options.edges.then_some(EDGE),
         max_evaluations: options.max_evaluations,
         ..InverseSettings::default()
     })
@@ -430,6 +439,7 @@ fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenanc
         ("method".to_owned(), format!("{:?}", settings.method)),
         ("lambda".to_owned(), format!("{:?}", settings.lambda)),
         ("free_gain".to_owned(), settings.free_gain.to_string()),
+        ("edge".to_owned(), settings.edge.map_or("none".to_owned(), |edge| edge.to_string())),
         ("model_error".to_owned(), settings.model_error.to_string()),
         ("max_evaluations".to_owned(), settings.max_evaluations.to_string()),
         ("tolerance".to_owned(), settings.tolerance.to_string()),

@@ -45,6 +45,9 @@ fn solve_options(made: &Provenance, convergence: Option<&Convergence>) -> String
     {
         out += &format!(" --lambda {lambda}");
     }
+    if !["", "none"].contains(&setting("edge")) {
+        out += " --edges";
+    }
     if setting("free_gain") == "true" {
         out += " --free-gain";
     }
@@ -76,17 +79,23 @@ mod tests {
             device: device.into(),
             channels: Vec::new(),
         };
-        let preset = [("method", "Lbfgs"), ("lambda", "CrossValidation"), ("free_gain", "false")];
+        let preset = [
+            ("method", "Lbfgs"),
+            ("lambda", "CrossValidation"),
+            ("free_gain", "false"),
+            ("edge", "none"),
+        ];
         assert_eq!(solve_options(&made(&preset), Some(&convergence("CPU"))), " --device cpu");
         let given = [
             ("method", "Paper"),
             ("lambda", "Fixed(1e-5)"),
             ("free_gain", "true"),
+            ("edge", "0.1"),
             ("max_evaluations", "12"),
         ];
         assert_eq!(
             solve_options(&made(&given), Some(&convergence("A B"))),
-            " --method paper --lambda 1e-5 --free-gain --max-evaluations 12 --device \"gpu:A B\""
+            " --method paper --lambda 1e-5 --edges --free-gain --max-evaluations 12 --device \"gpu:A B\""
         );
         assert_eq!(solve_options(&Provenance::default(), None), "");
     }

@@ -405,9 +405,9 @@ fn write_block(gpu: &Gpu, block: &wgpu::Buffer, problem: &Problem, scale: f64) {
         flag(problem.free_gain),
         // No pull either.
         0.0,
+        problem.edge.map_or(0.0, |edge| 1.0 / edge as f32),
         flag(problem.optics.scheme == Scheme::Stam),
         // To a whole number of vectors.
-        0.0,
         0.0,
         0.0,
     ];

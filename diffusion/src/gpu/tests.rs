@@ -44,7 +44,7 @@ fn problem(cells: [usize; 3], count: usize, optics: Optics, face: Face, gain: f6
         *v = if rng.random::<f64>() < 0.1 { f64::INFINITY } else { (0.02 * *l).powi(2) + 1e-12 };
     }
     let measurement = Measurement::new(&grid, light, radiance, &variance).unwrap();
-    Problem { grid, optics, measurement, free_gain: gain != 1.0 }
+    Problem { grid, optics, measurement, free_gain: gain != 1.0, edge: None }
 }
 
 /// Misfit, gradient and smoothness of both devices at the same point.
@@ -123,6 +123,14 @@ fn objective_is_its_twin_under_every_convention() {
             }
         }
     }
+}
+
+/// Neighbours in the rough block differ by up to 2.3 in their logarithms: below and beyond the edge.
+#[test]
+fn edges_are_kept_as_the_twin_keeps_them() {
+    let Some(gpu) = gpu() else { return };
+    let plain = problem([9, 7, 6], 3, Optics::from_eta(1.3), Face::Back, 1.0);
+    agree(&gpu, &Problem { edge: Some(0.5), ..plain }, "edge of 0.5");
 }
 
 /// The preconditioner, kernel by kernel the CPU's: a conjugate gradient would hide a smoother with

@@ -66,7 +66,7 @@ mod tests {
         let variance: Vec<Vec<f64>> =
             images.iter().map(|map| map.iter().map(|l| (0.02 * l).powi(2)).collect()).collect();
         let measurement = Measurement::new(&grid, light, images, &variance).unwrap();
-        let problem = Problem { grid, optics, measurement, free_gain: false };
+        let problem = Problem { grid, optics, measurement, free_gain: false, edge: None };
         for contrast in [0.0, 0.4, 0.49] {
             let u = logs(contrast);
             let mut gradients = Vec::new();

@@ -2,7 +2,7 @@
 //! linear solver.
 
 use super::objective::{Device, Misfit, Objective, Problem, RANGE};
-use super::smoothness::{squared_distance, squared_gradient};
+use super::smoothness::{roughness, squared_distance};
 use super::{InverseError, Work};
 use crate::{Batch, Forward, Gradient, LinearSolver, Medium, SolveError};
 use material::{Face, Grid};
@@ -168,7 +168,7 @@ impl<S: LinearSolver> Objective for LogObjective<'_, S> {
         let mut gradient = vec![0.0; 2 * n];
         let mut value = 0.0;
         for (half, (u, g)) in u.chunks_exact(n).zip(gradient.chunks_exact_mut(n)).enumerate() {
-            value += squared_gradient(self.data.grid(), u, 1.0, g);
+            value += roughness(self.data.grid(), u, self.data.problem.edge, 1.0, g);
             if let Some(centre) = self.centre {
                 value += squared_distance(self.data.grid(), u, centre[half], g);
             }

@@ -55,7 +55,7 @@ pub fn evaluate_on_gpu(
 
 fn problem(grid: &Grid, optics: &Optics, measurement: &Measurement) -> Problem {
     let measurement = measurement.clone();
-    Problem { grid: *grid, optics: *optics, measurement, free_gain: false }
+    Problem { grid: *grid, optics: *optics, measurement, free_gain: false, edge: None }
 }
 
 fn timed<D: Device>(

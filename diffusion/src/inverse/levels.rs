@@ -59,7 +59,7 @@ mod tests {
         let image = |m: usize| (0..grid.face_len()).map(|i| (1 + m + i) as f64).collect();
         let radiance = (0..16).map(image).collect();
         let measurement = Measurement::new(&grid, light, radiance, &variance).unwrap();
-        Problem { grid, optics: Optics::from_eta(1.3), measurement, free_gain: false }
+        Problem { grid, optics: Optics::from_eta(1.3), measurement, free_gain: false, edge: None }
     }
 
     /// Cells of the paper's blocks by hand: halves, rounded up, as long as they are enough.

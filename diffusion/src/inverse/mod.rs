@@ -64,6 +64,10 @@ pub struct InverseSettings {
     /// the largest part of it; without it, dark pixels far from the light, which a coarse grid
     /// gets wrong by percents, would outweigh everything.
     pub model_error: f64,
+    /// Keep edges: a step of log κ or log μ between neighbouring cells costs its square up to about this
+    /// size, and in proportion to itself beyond, so that one large step is no dearer than many small
+    /// ones. None: its square always. (Of [`Method::Lbfgs`].)
+    pub edge: Option<f64>,
     /// Most gradient evaluations on each grid.
     pub max_evaluations: usize,
     /// Relative residual of the linear solves.
@@ -77,6 +81,7 @@ impl Default for InverseSettings {
             lambda: Lambda::CrossValidation,
             free_gain: false,
             model_error: 2e-3,
+            edge: None,
             max_evaluations: 400,
             tolerance: 1e-6,
         }
@@ -247,6 +252,6 @@ fn problem(
         Method::Lbfgs => measurement.clone(),
         Method::Paper => measurement.unweighted(),
     };
-    let (grid, optics, free_gain) = (*grid, *optics, settings.free_gain);
-    Problem { grid, optics, measurement, free_gain }
+    let (free_gain, edge) = (settings.free_gain, settings.edge);
+    Problem { grid: *grid, optics: *optics, measurement, free_gain, edge }
 }

@@ -103,6 +103,8 @@ pub(crate) struct Problem {
     /// With its final weights.
     pub measurement: Measurement,
     pub free_gain: bool,
+    /// Of [`InverseSettings`](super::InverseSettings).
+    pub edge: Option<f64>,
 }
 
 impl Problem {

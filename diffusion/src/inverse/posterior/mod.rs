@@ -14,6 +14,9 @@
 //! depends on the voxels' size, so that their ratio says more about the grid than about the block.
 //! Nor 1/√d as a standard deviation: neighbours, too, make up for each other.
 //!
+//! Where edges are kept, P is that of small steps all the same: across an edge the smoothness holds less than that, and
+//! the resolution there is finer than what is said.
+//!
 //! # What it bounds
 //! Of a true patch b the answer holds M b with M = (H + P)⁻¹H, the resolution matrix of Backus and
 //! Gilbert (1968), everything being free to make up for everything. In P's scalar product its share in
