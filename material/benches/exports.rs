@@ -75,12 +75,25 @@ fn exports(criterion: &mut Criterion) {
             );
         });
         let folder = tempfile::tempdir().unwrap();
+        let before = processor();
         write(folder.path());
-        println!("export/{name}: {:.1} MB", bytes(folder.path()) as f64 / 1e6);
+        let took =
+            before.zip(processor()).map_or("unknown".into(), |(a, b)| format!("{:.2} s", b - a));
+        let size = bytes(folder.path()) as f64 / 1e6;
+        println!("export/{name}: {size:.1} MB, processor time {took}");
     };
     formats.iter().for_each(|format| run(format.ending(), &|folder| write(*format, folder)));
     run("all", &all);
     println!("most memory: {}", peak().unwrap_or_else(|| "unknown".into()));
+}
+
+/// The processor time that the process has had, s, as Linux tells it: in hundredths.
+fn processor() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The program's name, in brackets, may have spaces.
+    let numbers = status.rsplit_once(')')?.1.split_whitespace();
+    let ticks: Option<Vec<f64>> = numbers.skip(11).take(2).map(|n| n.parse().ok()).collect();
+    Some(ticks?.iter().sum::<f64>() / 100.0)
 }
 
 /// The most memory that the process ever had, as Linux tells it.

@@ -2,9 +2,8 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-
-use rayon::prelude::*;
 
 use crate::mitsuba::GridVolume;
 use crate::npz::NpzReader;
@@ -204,12 +203,18 @@ pub fn write_all(
 ) -> Result<Vec<Written>, FileError> {
     let formats = paths.iter().map(|path| Format::to_write(path));
     let formats: Vec<Format> = formats.collect::<Result<_, _>>()?;
-    let all: Vec<Result<Written, FileError>> = formats
-        .par_iter()
-        .zip(paths)
-        .map(|(format, path)| format.write(path, material, conversion, overwrite))
-        .collect();
-    all.into_iter().collect()
+    // A thread each, not one of those that compress: most of the time that some formats take is the
+    // disk's.
+    std::thread::scope(|scope| {
+        let write = |(format, path): (Format, &PathBuf)| {
+            format.write(path, material, conversion, overwrite)
+        };
+        let start = |job| scope.spawn(move || write(job));
+        let threads: Vec<_> = formats.into_iter().zip(paths).map(start).collect();
+        let all =
+            threads.into_iter().map(|thread| thread.join().unwrap_or_else(|e| resume_unwind(e)));
+        all.collect()
+    })
 }
 
 /// A reader over bytes, which says nothing but whether they are a file of its format.

@@ -88,17 +88,11 @@ impl Grids<'_> {
         let medium = self.medium;
         let unit = medium.unit().symbol();
         let (per_unit, channels) = (format!("1/{unit}"), medium.material().channels());
-        let sigma = |of: fn((f64, f64)) -> f64| {
-            move |voxel| match self.index(voxel) {
-                (index, true) => std::array::from_fn(|c| of(medium.sigma(c, index)) as f32),
-                (_, false) => [0.0; N],
-            }
-        };
         let density = |voxel| match self.index(voxel) {
             (index, true) => [medium.density(index) as f32],
             (_, false) => [0.0],
         };
-        self.grid::<1>(file, "density", &per_unit, "largest extinction of the channels", &density)?;
+        self.grid::<1>(file, "density", &per_unit, "largest extinction of the channels", density)?;
         let albedo = |voxel| {
             let (index, _) = self.index(voxel);
             std::array::from_fn(|c| {
@@ -107,15 +101,28 @@ impl Grids<'_> {
                 (s / (a + s)) as f32
             })
         };
-        self.grid::<3>(file, "color", "1", "albedo: scattering over extinction", &albedo)?;
+        self.grid::<3>(file, "color", "1", "albedo: scattering over extinction", albedo)?;
         let about = "absorption of each channel";
-        self.grid::<N>(file, "sigma_a", &per_unit, about, &sigma(|(a, _)| a))?;
+        self.grid::<N>(file, "sigma_a", &per_unit, about, self.sigma(|(a, _)| a))?;
         let about = "reduced scattering of each channel; isotropic, g = 0";
-        self.grid::<N>(file, "sigma_s", &per_unit, about, &sigma(|(_, s)| s))?;
-        let kappa = |voxel| std::array::from_fn(|c| channels[c].kappa_mm[self.index(voxel).0]);
-        self.grid::<N>(file, "kappa", "mm", "diffusion coefficient of each channel", &kappa)?;
-        let mu = |voxel| std::array::from_fn(|c| channels[c].mu_per_mm[self.index(voxel).0]);
-        self.grid::<N>(file, "mu", "1/mm", "absorption of each channel, as acquired", &mu)
+        self.grid::<N>(file, "sigma_s", &per_unit, about, self.sigma(|(_, s)| s))?;
+        let kappa = |index| std::array::from_fn(|c| channels[c].kappa_mm[index]);
+        let kappa = |voxel| kappa(self.index(voxel).0);
+        self.grid::<N>(file, "kappa", "mm", "diffusion coefficient of each channel", kappa)?;
+        let mu = |index| std::array::from_fn(|c| channels[c].mu_per_mm[index]);
+        let mu = |voxel| mu(self.index(voxel).0);
+        self.grid::<N>(file, "mu", "1/mm", "absorption of each channel, as acquired", mu)
+    }
+
+    /// One coefficient of each channel in the block, nothing beyond it.
+    fn sigma<const N: usize>(
+        &self,
+        of: impl Fn((f64, f64)) -> f64,
+    ) -> impl Fn([i32; 3]) -> [f32; N] {
+        move |voxel| match self.index(voxel) {
+            (index, true) => std::array::from_fn(|c| of(self.medium.sigma(c, index)) as f32),
+            (_, false) => [0.0; N],
+        }
     }
 
     fn grid<const N: usize>(
@@ -124,7 +131,7 @@ impl Grids<'_> {
         name: &str,
         unit: &str,
         description: &str,
-        value: &(dyn Fn([i32; 3]) -> [f32; N] + Sync),
+        value: impl Fn([i32; 3]) -> [f32; N] + Sync,
     ) -> io::Result<()> {
         let class = if name == "density" { "fog volume" } else { "unknown" };
         let text = |text: &str| Value::Text(text.into());

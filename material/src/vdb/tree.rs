@@ -114,11 +114,13 @@ pub(super) fn set(mask: &mut [u8], place: usize) {
 
 /// Which of a leaf's voxels lie in the box.
 pub(super) fn leaf_mask(region: &Region, origin: [i32; 3]) -> [u8; 64] {
-    let mut mask = [0; 64];
-    for place in (0..512).filter(|&place| region.holds(voxel(origin, place))) {
-        set(&mut mask, place);
-    }
-    mask
+    let holds = |axis: usize, at: i32| (region.low[axis]..region.high[axis]).contains(&at);
+    // A byte is a row along z.
+    let row = (0..8).filter(|&z| holds(2, origin[2] + z)).fold(0, |row, z| row | 1 << z);
+    std::array::from_fn(|byte| {
+        let [x, y, _] = voxel(origin, 8 * byte);
+        if holds(0, x) && holds(1, y) { row } else { 0 }
+    })
 }
 
 #[cfg(test)]

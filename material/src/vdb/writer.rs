@@ -2,17 +2,19 @@
 
 use std::io::{self, Write};
 
-use flate2::{Compress, Compression, FlushCompress, Status};
+use libdeflater::{CompressionLvl, Compressor};
 use rayon::prelude::*;
 
 use super::metadata::{self, Metadata, Value, put_text};
 use super::tree::{self, Region, below, leaf_mask, place};
 use super::{FILE_VERSION, LIBRARY_VERSION, MAGIC, compression, level};
 
-/// zlib's own default, and OpenVDB's.
-const EFFORT: u32 = 6;
-/// Leaves that are compressed before they are written: some megabytes.
-const BATCH: usize = 2048;
+/// Of libdeflate. Coefficients have hardly a byte that repeats: what makes them smaller is the code
+/// of their exponents, which every level has, and further search finds nothing. What is left is as
+/// small as by zlib's own default, 6, which is OpenVDB's.
+const EFFORT: i32 = 1;
+/// Leaves that a thread takes at a time.
+const BATCH: usize = 64;
 
 /// What all grids of a file have in common.
 pub(super) struct Frame {
@@ -22,14 +24,14 @@ pub(super) struct Frame {
     pub spacing: [f64; 3],
 }
 
-/// One grid of `N` numbers a voxel, 1 or 3.
-pub(super) struct Field<'a, const N: usize> {
+/// One grid of `N` numbers a voxel, 1 or 3, which `V` knows.
+pub(super) struct Field<'a, const N: usize, V> {
     pub name: &'a str,
     /// `fog volume` for what is a density.
     pub class: &'a str,
     /// Further names.
     pub metadata: Metadata,
-    pub value: &'a (dyn Fn([i32; 3]) -> [f32; N] + Sync),
+    pub value: V,
 }
 
 /// The start of a file of so many grids.
@@ -51,7 +53,7 @@ pub(super) fn head(
     out.write_all(&bytes)
 }
 
-impl<const N: usize> Field<'_, N> {
+impl<const N: usize, V: Fn([i32; 3]) -> [f32; N] + Sync> Field<'_, N, V> {
     /// Writes the grid where the file is `at` bytes long; how long it is then.
     pub fn write(&self, out: &mut impl Write, frame: &Frame, at: u64) -> io::Result<u64> {
         let leaves = frame.region.leaves();
@@ -63,9 +65,9 @@ impl<const N: usize> Field<'_, N> {
         let head = self.head(frame);
         // All of the grid has to be there before its offsets are known; compressed, it is small.
         let batches: Vec<Vec<u8>> = leaves
-            .par_chunks(BATCH / 32)
-            .map_init(packer, |packer, leaves| self.leaves(&frame.region, leaves, packer))
-            .collect::<io::Result<_>>()?;
+            .par_chunks(BATCH)
+            .map_init(Packer::new, |packer, leaves| self.leaves(&frame.region, leaves, packer))
+            .collect();
         let start = at + name.len() as u64 + 24;
         let blocks = start + head.len() as u64;
         let end = blocks + batches.iter().map(|batch| batch.len() as u64).sum::<u64>();
@@ -103,12 +105,7 @@ impl<const N: usize> Field<'_, N> {
     }
 
     /// Masks and voxels of some leaves.
-    fn leaves(
-        &self,
-        region: &Region,
-        leaves: &[[i32; 3]],
-        packer: &mut Packer,
-    ) -> io::Result<Vec<u8>> {
+    fn leaves(&self, region: &Region, leaves: &[[i32; 3]], packer: &mut Packer) -> Vec<u8> {
         let mut out = Vec::with_capacity(leaves.len() * 512 * 4 * N);
         for &origin in leaves {
             let mask = leaf_mask(region, origin);
@@ -121,42 +118,46 @@ impl<const N: usize> Field<'_, N> {
                     packer.raw.extend(number.to_le_bytes());
                 }
             }
-            packer.put(&mut out)?;
+            packer.put(&mut out);
         }
-        Ok(out)
+        out
     }
 }
 
 /// What is used again for each leaf.
 struct Packer {
-    zlib: Compress,
+    zlib: Compressor,
     raw: Vec<u8>,
     packed: Vec<u8>,
 }
 
-fn packer() -> Packer {
-    let zlib = Compress::new(Compression::new(EFFORT), true);
-    // The largest leaf, and more than zlib makes of it if it cannot be made smaller.
-    Packer { zlib, raw: Vec::with_capacity(512 * 12), packed: Vec::with_capacity(512 * 12 + 1024) }
-}
-
 impl Packer {
+    fn new() -> Self {
+        let effort = CompressionLvl::new(EFFORT).unwrap_or_default();
+        // The largest leaf.
+        let bytes = 512 * 12;
+        Self {
+            zlib: Compressor::new(effort),
+            raw: Vec::with_capacity(bytes),
+            packed: vec![0; bytes],
+        }
+    }
+
     /// The bytes of `raw`, compressed where that makes them fewer, after their number, which is
     /// negative where they stand as they are.
-    fn put(&mut self, out: &mut Vec<u8>) -> io::Result<()> {
+    fn put(&mut self, out: &mut Vec<u8>) {
         let Self { zlib, raw, packed } = self;
-        zlib.reset();
-        packed.clear();
-        let status =
-            zlib.compress_vec(raw, packed, FlushCompress::Finish).map_err(io::Error::other)?;
-        if status == Status::StreamEnd && packed.len() < raw.len() {
-            out.extend((packed.len() as i64).to_le_bytes());
-            out.extend(packed.as_slice());
-        } else {
-            out.extend((-(raw.len() as i64)).to_le_bytes());
-            out.extend(raw.as_slice());
+        // All that can go wrong is that there is no room for what does not become smaller.
+        match zlib.zlib_compress(raw, &mut packed[..raw.len()]) {
+            Ok(length) if length < raw.len() => {
+                out.extend((length as i64).to_le_bytes());
+                out.extend(&packed[..length]);
+            }
+            _ => {
+                out.extend((-(raw.len() as i64)).to_le_bytes());
+                out.extend(raw.as_slice());
+            }
         }
-        Ok(())
     }
 }
 
