@@ -8,6 +8,8 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use exr::meta::BlockDescription;
+use exr::meta::header::Header as Part;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, LineOrder, MetaData,
     ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read as exr_read,
@@ -17,8 +19,8 @@ use crate::header::{Header, KEY};
 use crate::reading::{Known, Reading};
 use crate::{FileError, Grid, Material, Overwrite, atomic_write};
 
-/// No more samples than this for each byte of a file: what zip can do at best, in bytes of f32.
-const MOST_SAMPLES_A_BYTE: usize = 1032 / 4;
+/// What zip can do at best: no more bytes than this for each byte of a file.
+const MOST_BYTES_A_BYTE: usize = 1032;
 
 /// A layer's name.
 fn layer(coefficient: &str, slice: usize) -> String {
@@ -69,13 +71,11 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
     let malformed = |reason: String| FileError::malformed(path, reason);
     let failed = |e: exr::error::Error| malformed(format!("expected an OpenEXR picture: {e}"));
     let about = MetaData::read_from_buffered(Cursor::new(bytes), true).map_err(failed)?;
-    let mut samples = about.headers.iter().map(|header| {
-        let pixels = header.layer_size.0.checked_mul(header.layer_size.1)?;
-        pixels.checked_mul(header.channels.list.len())
-    });
-    let samples = samples.try_fold(0_usize, |sum, more| sum.checked_add(more?));
-    // Pictures are made as large as their header says before their content is looked at.
-    if samples.is_none_or(|n| n > bytes.len().saturating_mul(MOST_SAMPLES_A_BYTE)) {
+    // Pictures are made as large as their header says before their content is looked at, and so is
+    // the room for each block of them.
+    let pictures = about.headers.iter().map(picture_bytes).fold(0, usize::saturating_add);
+    let block = about.headers.iter().map(block_bytes).max().unwrap_or(0);
+    if pictures.max(block) > bytes.len().saturating_mul(MOST_BYTES_A_BYTE) {
         return Err(malformed("it claims more pixels than a file of its size can hold".into()));
     }
     let image = exr_read()
@@ -127,6 +127,25 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
     };
     let (kappa, mu) = (volumes("kappa")?, volumes("mu")?);
     known.material(path, kappa, mu)
+}
+
+/// Bytes of all samples of a part, as f32.
+fn picture_bytes(part: &Part) -> usize {
+    let Vec2(width, height) = part.layer_size;
+    let samples = width.saturating_mul(height).saturating_mul(part.channels.list.len());
+    samples.saturating_mul(size_of::<f32>())
+}
+
+/// Bytes of a block of a part: a tile, or as many lines as its compression takes at a time. Either
+/// may be larger than the picture.
+fn block_bytes(part: &Part) -> usize {
+    let Vec2(width, height) = match part.blocks {
+        BlockDescription::Tiles(tiles) => tiles.tile_size,
+        BlockDescription::ScanLines => {
+            Vec2(part.layer_size.0, part.compression.scan_lines_per_block())
+        }
+    };
+    width.saturating_mul(height).saturating_mul(part.channels.bytes_per_pixel)
 }
 
 /// Where nothing is told of the material: as many slices as there are layers of κ, cubes of 1 mm.
