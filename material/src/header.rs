@@ -67,16 +67,20 @@ impl Header {
 
     /// As JSON in ASCII, for formats and programs that lose all other letters.
     pub(crate) fn ascii(&self) -> std::io::Result<String> {
-        let json = serde_json::to_string(self)?;
-        let mut out = String::with_capacity(json.len());
-        for unit in json.encode_utf16() {
-            match u8::try_from(unit) {
-                Ok(byte) if byte.is_ascii() => out.push(char::from(byte)),
-                _ => out.push_str(&format!("\\u{unit:04x}")),
-            }
-        }
-        Ok(out)
+        Ok(escaped(&serde_json::to_string(self)?))
     }
+}
+
+/// The same JSON without letters beyond ASCII, which stand in its texts alone.
+fn escaped(json: &str) -> String {
+    let mut out = String::with_capacity(json.len());
+    for unit in json.encode_utf16() {
+        match u8::try_from(unit) {
+            Ok(byte) if byte.is_ascii() => out.push(char::from(byte)),
+            _ => out.push_str(&format!("\\u{unit:04x}")),
+        }
+    }
+    out
 }
 
 /// What goes along with a renderer's format, where it has a place for text.
@@ -100,5 +104,10 @@ impl About {
     /// On one line.
     pub(crate) fn json(&self) -> std::io::Result<String> {
         Ok(serde_json::to_string(self)?)
+    }
+
+    /// The same in ASCII.
+    pub(crate) fn ascii(&self) -> std::io::Result<String> {
+        Ok(escaped(&self.json()?))
     }
 }

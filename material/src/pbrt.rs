@@ -28,8 +28,9 @@ Sampler \"independent\" \"integer pixelsamples\" 64
 Integrator \"volpath\" \"integer maxdepth\" 100000
 
 WorldBegin
-# Unit irradiance.
+# Unit irradiance, from a surface that is black: what the block sends back does not return.
 AttributeBegin
+  Material \"diffuse\" \"rgb reflectance\" [ 0 0 0 ]
   AreaLightSource \"diffuse\" \"rgb L\" [ 0.318309886 0.318309886 0.318309886 ]
   Shape \"trianglemesh\" \"point3 P\" [ 0 0 {LZ}  {X} 0 {LZ}  {X} {Y} {LZ}  0 {Y} {LZ} ]
     \"integer indices\" [ {LIGHT} ]
@@ -64,7 +65,8 @@ pub fn write(
     let channels = medium.one_or_three(path, "pbrt")?;
     let cells = medium.material().grid().cells().map(|n| n + 2 * MARGIN);
     atomic_write(path, overwrite, |file| {
-        let values = values(medium, cells, &About::of(medium).json()?);
+        // Not every parser of its files knows letters beyond ASCII, be it in a comment.
+        let values = values(medium, cells, &About::of(medium).ascii()?);
         file.write_all(filled(HEAD, &values).as_bytes())?;
         type Quantity = fn((f64, f64)) -> f64;
         let quantities: [(&str, Quantity); 2] = [("sigma_a", |(a, _)| a), ("sigma_s", |(_, s)| s)];
@@ -114,9 +116,10 @@ fn values(
     let ([x, y, z], [hx, hy, hz]) = (medium.size(), medium.spacing());
     let largest = x.max(y).max(z);
     let gap = 1e-3 * largest;
-    let (lit, light_z, light) = match medium.material().lit_face() {
-        Face::Back => ("back", -gap, "0 1 2 0 2 3"),
-        Face::Front => ("front", z + gap, "0 2 1 0 3 2"),
+    // The light is opaque: where it is on the camera's side, the camera is between it and the block.
+    let (lit, light_z, light, eye) = match medium.material().lit_face() {
+        Face::Back => ("back", -gap, "0 1 2 0 2 3", z + 2.0 * largest),
+        Face::Front => ("front", z + gap, "0 2 1 0 3 2", z + 0.5 * gap),
     };
     let eta = medium.material().optics().eta;
     let surface = match eta {
@@ -130,7 +133,7 @@ fn values(
         ("ABOUT", about.into()),
         ("CX", (x / 2.0).to_string()),
         ("CY", (y / 2.0).to_string()),
-        ("EYE", (z + 2.0 * largest).to_string()),
+        ("EYE", eye.to_string()),
         ("WIDTH", width),
         ("HEIGHT", height),
         ("X", x.to_string()),

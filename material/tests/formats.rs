@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use common::sample;
 use material::{
-    Conversion, FileError, Format, Impossible, Material, Overwrite, Reading, SceneUnit,
+    Conversion, FileError, Format, Impossible, Material, Overwrite, Reading, SceneUnit, write_all,
 };
 
 fn written(format: Format, material: &Material, unit: SceneUnit) -> (tempfile::TempDir, PathBuf) {
@@ -211,4 +211,28 @@ fn more_volumes_than_two_do_no_harm() {
     }
     let found = material::nrrd::read(&more, Path::new("m.nrrd")).unwrap();
     assert_eq!(found.material, material);
+}
+
+/// Several at once: what was written comes in the order that was asked for, and so does what failed.
+#[test]
+fn all_at_once_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["m.vdb", "m.xml", "m.nrrd", "m.mtlx"];
+    let paths = names.map(|name| folder.path().join(name));
+    let (conversion, refuse) = (Conversion::default(), Overwrite::Refuse);
+    let material = sample(&["R", "G", "B"]);
+    let written = write_all(&paths, &material, conversion, refuse).unwrap();
+    let first: Vec<_> = written.iter().map(|written| &written.files[0]).collect();
+    assert_eq!(first, paths.iter().collect::<Vec<_>>());
+    // The scene, its script, what it is about and four volumes.
+    assert_eq!(written.iter().map(|w| w.files.len()).collect::<Vec<_>>(), [1, 7, 1, 1]);
+    assert_eq!(Format::read(&paths[0]).unwrap().material, material);
+
+    std::fs::remove_file(&paths[0]).unwrap();
+    let error = write_all(&paths, &material, conversion, refuse).unwrap_err();
+    assert!(matches!(error, FileError::Exists { path } if path == paths[1]));
+    assert!(paths[0].is_file());
+    let unknown = [folder.path().join("n.vdb"), folder.path().join("n.png")];
+    let error = write_all(&unknown, &material, conversion, refuse).unwrap_err();
+    assert!(error.to_string().contains(".png") && !unknown[0].exists(), "{error}");
 }

@@ -76,6 +76,7 @@ const PEERS: &[&str] = &[
     "aiopjlink==1.0.5",
     // It brings a virtual camera.
     "gphoto2==2.6.4",
+    "materialx==1.39.5",
     "meerk40t==0.9.9100",
     // meerk40t does not start without it and does not ask for it.
     "mitsuba==3.9.1",
@@ -85,6 +86,9 @@ const PEERS: &[&str] = &[
     "pypjlink2==1.2.2",
     "zaber-motion==10.3.0",
 ];
+
+/// Khronos' own, for Node.js.
+const GLTF_VALIDATOR: &str = "gltf-validator@2.0.0-dev.3.10";
 
 fn peers() -> Result<(), Stop> {
     let folder = root().join("target/peers");
@@ -97,6 +101,12 @@ fn peers() -> Result<(), Stop> {
     };
     run(Path::new("python3"), &["-m", "venv", &folder.to_string_lossy()])?;
     run(&python, &[&["-m", "pip", "install", "--quiet"], PEERS].concat())?;
+    let validator = ["install", "--silent", "--no-save", "--prefix"].map(String::from);
+    let place = [folder.display().to_string(), GLTF_VALIDATOR.into()];
+    match Command::new("npm").args(validator).args(place).status() {
+        Ok(status) if status.success() => {}
+        _ => eprintln!("without npm's {GLTF_VALIDATOR}: the test that needs it will say SKIPPED"),
+    }
     eprintln!("to have the tests use them: export DIAPHANE_PYTHON={}", python.display());
     Ok(())
 }
