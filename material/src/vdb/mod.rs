@@ -13,6 +13,7 @@ mod import;
 mod metadata;
 mod reader;
 mod tree;
+mod unpack;
 mod writer;
 
 pub use export::write;

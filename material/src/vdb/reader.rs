@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use flate2::{Decompress, FlushDecompress, Status};
+use flate2::Decompress;
 
 use super::tree::{Region, below, voxel};
+use super::unpack::inflate;
 use super::{FILE_VERSION, MAGIC, compression, level};
 use crate::cursor::Cursor;
 
@@ -381,16 +382,4 @@ fn is_set(mask: &[u8], place: usize) -> bool {
 fn union(a: Region, b: Region) -> Region {
     let axis = |of: &dyn Fn(usize) -> i32| [of(0), of(1), of(2)];
     Region { low: axis(&|i| a.low[i].min(b.low[i])), high: axis(&|i| a.high[i].max(b.high[i])) }
-}
-
-/// Exactly so many bytes out of a zlib stream.
-fn inflate(zlib: &mut Decompress, packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
-    // One byte more, to notice a stream that goes on.
-    let mut out = Vec::with_capacity(length + 1);
-    zlib.reset(true);
-    match zlib.decompress_vec(packed, &mut out, FlushDecompress::Finish) {
-        Ok(Status::StreamEnd) => Ok(out),
-        Ok(_) => Err(format!("expected {length} bytes of packed voxels, found others")),
-        Err(error) => Err(format!("packed voxels are damaged: {error}")),
-    }
 }
