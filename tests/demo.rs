@@ -75,6 +75,13 @@ fn a_demo_reaches_its_figures_and_can_be_taken_up_again() {
     let measured = std::fs::read(&arrays).unwrap();
     json(&diaphane(&["merge", path(&out), "--force", "--json"]));
     assert!(std::fs::read(&arrays).unwrap() == measured, "the measurement differs");
+
+    // The same pictures, settings and processor make the same material, byte for byte.
+    let solve = || {
+        json(&diaphane(&["solve", path(&out), "--device", "cpu", "--force", "--json"]));
+        std::fs::read(out.join("material/material.diaphane")).unwrap()
+    };
+    assert!(solve() == solve(), "the material differs");
 }
 
 /// Another sample, lit from the front: the chain holds, and only pixels that are not lit directly

@@ -15,8 +15,10 @@ pub struct Provenance {
     pub software: String,
     /// Version of that software.
     pub version: String,
-    /// Seconds since 1970-01-01 UTC.
-    pub created_unix_s: u64,
+    /// When the first of its pictures was taken, seconds since 1970-01-01 UTC; 0 where nobody noted it. (Not
+    /// when it was computed: the same pictures and settings make the same bytes.)
+    #[serde(default, alias = "created_unix_s")]
+    pub captured_unix_s: u64,
     /// Seed of every random number used, where there were any.
     pub seed: Option<u64>,
     /// The files it was made from.

@@ -21,7 +21,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 pub(crate) const MATERIAL: &str = "material/material.diaphane";
 pub(crate) const CONVERGENCE: &str = "material/convergence.json";
@@ -430,7 +430,8 @@ fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenanc
             inputs.push(Input::from_file(name, &session.path(name))?);
         }
     }
-    let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let journal = rig::read_journal(&session.path("journal.jsonl"))?;
+    let captured_unix_s = journal.entries.first().map_or(0, |entry| entry.unix_s as u64);
     let seed = match &session.config.rig {
         crate::session::RigConfig::Simulated { sample, .. } => Some(sample.seed),
         _ => None,
@@ -447,7 +448,7 @@ fn provenance(session: &Session, settings: &InverseSettings) -> Result<Provenanc
     Ok(Provenance {
         software: "diaphane".into(),
         version: env!("CARGO_PKG_VERSION").into(),
-        created_unix_s: created.map_or(0, |d| d.as_secs()),
+        captured_unix_s,
         seed,
         inputs,
         settings,

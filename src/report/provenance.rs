@@ -60,13 +60,13 @@ pub(crate) fn provenance(
 fn made(material: &Material) -> String {
     let made = material.provenance();
     let optics = material.optics();
-    let created = match made.created_unix_s {
+    let captured = match made.captured_unix_s {
         0 => "unknown".into(),
         unix_s => utc(unix_s),
     };
     let mut rows = vec![
         ("Made by", format!("{} {}", escape(&made.software), escape(&made.version))),
-        ("Made on", created),
+        ("First picture", captured),
         (
             "Optics",
             format!(

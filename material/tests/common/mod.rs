@@ -28,7 +28,7 @@ pub fn with_grid(grid: Grid, names: &[&str]) -> Material {
     let provenance = Provenance {
         software: "diaphane".into(),
         version: "0.1.0".into(),
-        created_unix_s: 1_790_000_000,
+        captured_unix_s: 1_790_000_000,
         seed: Some(u64::MAX),
         inputs: vec![Input { name: "measurement/radiance.exr".into(), blake3: "0".repeat(64) }],
         settings: settings
