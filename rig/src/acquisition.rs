@@ -135,6 +135,12 @@ pub const WHITE_AGAIN_SHOT: &str = "light-white-again";
 /// Name of the first shot of [`Acquisition::capture_plan`]: no light but the room's.
 pub const BLACK_SHOT: &str = "black";
 
+/// Name of the shot of [`Acquisition::capture_plan`] that lights the whole face. From behind it
+/// checks the fit. From the front every cell that the camera sees is lit directly, which says
+/// nothing of multiple scattering and all of the surface; it is called as it ever was, so that
+/// frames of earlier sessions serve.
+pub const FULL_FACE_SHOT: &str = "held-full";
+
 /// Names of the shots of [`Acquisition::noise_plan`]: pairs of dark and of evenly lit frames.
 pub const NOISE_DARK_SHOT: &str = "noise-dark";
 /// See [`NOISE_DARK_SHOT`].
@@ -285,8 +291,8 @@ impl Acquisition {
         }
     }
 
-    /// The sample: black, every region or mixture of regions, and patterns that are kept out of
-    /// the fit.
+    /// The sample: black, every region or mixture of regions, patterns that are kept out of the
+    /// fit, and among these the whole face, which from the front is for the surface instead.
     pub fn capture_plan(&self) -> Plan {
         let [columns, rows] = self.regions;
         let shot = |name: String, purpose, pattern| Shot {
@@ -314,13 +320,17 @@ impl Acquisition {
         // One region in the middle, moved by half of one, meets cells that no region lights alone.
         let middle = rows.saturating_sub(1) / 2 * columns + columns.saturating_sub(1) / 2;
         let held_out = [
-            ("held-full", Pattern::full_face()),
+            (FULL_FACE_SHOT, Pattern::full_face()),
             ("held-stripes-x", Pattern::stripes(3, Axis::X)),
             ("held-stripes-y", Pattern::stripes(3, Axis::Y)),
             ("held-shifted", Pattern::shifted_region(columns, rows, middle, [0.5, 0.5])),
             ("held-checker", Pattern::checker(columns + 1, rows + 1)),
         ];
-        let held_out = held_out.map(|(name, pattern)| shot(name.into(), Purpose::HeldOut, pattern));
+        let purpose = |name| match self.lit_face {
+            Face::Front if name == FULL_FACE_SHOT => Purpose::Surface,
+            Face::Front | Face::Back => Purpose::HeldOut,
+        };
+        let held_out = held_out.map(|(name, pattern)| shot(name.into(), purpose(name), pattern));
         shots.extend(held_out);
         Plan { shots }
     }

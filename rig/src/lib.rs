@@ -22,9 +22,9 @@ mod survey;
 mod timing;
 
 pub use acquisition::{
-    Acquisition, BLACK_SHOT, BURST_SHOT, DARK_SHOT, NOISE_DARK_SHOT, NOISE_FLAT_SHOT,
-    ProjectorMethod, SampleScheme, WHITE_AGAIN_SHOT, bracket, burst, code_shot, grey_shot,
-    uneven_bracket,
+    Acquisition, BLACK_SHOT, BURST_SHOT, DARK_SHOT, FULL_FACE_SHOT, NOISE_DARK_SHOT,
+    NOISE_FLAT_SHOT, ProjectorMethod, SampleScheme, WHITE_AGAIN_SHOT, bracket, burst, code_shot,
+    grey_shot, uneven_bracket,
 };
 pub use code::{CodeSequence, PhaseShift};
 pub use device::{

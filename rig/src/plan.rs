@@ -59,6 +59,8 @@ pub enum Purpose {
     Fit,
     /// Kept out of the fit, to check it.
     HeldOut,
+    /// What the surface of a front-lit block itself sends back: all of its face is lit.
+    Surface,
 }
 
 /// Why a plan cannot be carried out.

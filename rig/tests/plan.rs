@@ -116,6 +116,25 @@ fn what_is_lit_in_the_fit_is_kept_apart_from_what_checks_it() {
     assert!(total.iter().all(|t| (t - 1.0).abs() < 1e-5));
 }
 
+/// From the front the whole face says nothing of multiple scattering and is for the surface; from
+/// behind there is no such picture, and the plans are alike in all else.
+#[test]
+fn only_a_front_lit_plan_has_a_picture_for_the_surface() {
+    let [front, back] = [Face::Front, Face::Back].map(|face| standard(face).capture_plan());
+    let named = |plan: &Plan| {
+        let of = plan.shots.iter().filter(|s| s.purpose == Purpose::Surface);
+        of.map(|s| (s.name.clone(), s.pattern.clone())).collect::<Vec<_>>()
+    };
+    assert_eq!(named(&front), [(rig::FULL_FACE_SHOT.to_owned(), Pattern::full_face())]);
+    assert_eq!(named(&back), []);
+    // Frames of sessions from before the purpose was told apart are those that are asked for now.
+    for (front, back) in front.shots.iter().zip(&back.shots) {
+        assert_eq!((&front.name, &front.pattern), (&back.name, &back.pattern));
+        assert_eq!(front.exposures_s, back.exposures_s);
+    }
+    assert_eq!(front.shots.len(), back.shots.len());
+}
+
 #[test]
 fn the_summary_counts_frames_time_and_space() {
     let camera =

@@ -16,8 +16,6 @@ const SAMPLES: u32 = 3;
 const PER_PIXEL: usize = (SAMPLES * SAMPLES) as usize;
 /// Rays along each edge of a fine cell of the lit face.
 const FACE_SAMPLES: u32 = 4;
-/// Diffuse reflectance of the bare surface where the sample is lit from the front.
-const SURFACE: f64 = 0.03;
 /// Radiance of the light panel that fills the camera's picture.
 const PANEL: f64 = 0.15;
 
@@ -40,6 +38,9 @@ pub(crate) enum SceneError {
 pub(crate) struct Scene {
     pub setup: OpticalSetup,
     block: LitBlock,
+    /// Diffuse reflectance of the bare surface, red, green and blue, on the fine grid's front face;
+    /// empty where the sample is lit from the back, and nobody sees it.
+    surface: Vec<Vec<f64>>,
     seed: u64,
     /// Unit direction of every sub-pixel of the camera.
     rays: Vec<DVec3>,
@@ -64,6 +65,10 @@ impl Scene {
             coarse.spacing_mm().map(|h| h / refinement as f64),
         )?;
         let media = (0..3).map(|c| sample.medium(&fine, c)).collect::<Result<_, _>>()?;
+        let surface = match lit {
+            Face::Front => (0..3).map(|c| sample.surface_reflectance(&fine, c)).collect(),
+            Face::Back => Vec::new(),
+        };
         let block = LitBlock::new(media, Optics::from_eta(sample.eta()), lit, transport)?;
         let setup = OpticalSetup::new(sample, lit, rig);
         let [width, height] = setup.camera.size;
@@ -75,6 +80,7 @@ impl Scene {
         Ok(Self {
             setup,
             block,
+            surface,
             seed: sample.seed,
             rays,
             light: rig.projector_light(),
@@ -85,6 +91,12 @@ impl Scene {
     /// True coefficients, one medium a channel, on the fine grid.
     pub fn media(&self) -> &[Medium] {
         self.block.media()
+    }
+
+    /// True reflectance of the bare surface, one map a channel, on the fine grid's front face; none
+    /// where it is not lit.
+    pub fn surface(&self) -> &[Vec<f64>] {
+        &self.surface
     }
 
     /// How light gets in and out.
@@ -121,7 +133,6 @@ impl Scene {
         let [nx, ny, _] = grid.cells();
         let [hx, hy, _] = grid.spacing_mm();
         let camera = self.setup.camera.position;
-        let lit_in_front = self.setup.lit_face == Face::Front;
         Ok(self.gather(|ray| {
             let point = camera + ray * (-camera.z / ray.z);
             let at = DVec2::new(point.x / hx, point.y / hy);
@@ -133,9 +144,10 @@ impl Scene {
                 return light.map(|light| albedo * light / std::f64::consts::PI);
             }
             let mut out = interpolate(&exit, [nx, ny], at - 0.5);
-            if lit_in_front {
+            if !self.surface.is_empty() {
                 let light = self.irradiance(point, DVec3::Z, image);
-                (0..3).for_each(|c| out[c] += SURFACE * (light[c] / std::f64::consts::PI));
+                let surface = interpolate(&self.surface, [nx, ny], at - 0.5);
+                (0..3).for_each(|c| out[c] += surface[c] * (light[c] / std::f64::consts::PI));
             }
             out
         }))

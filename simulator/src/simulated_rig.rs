@@ -25,6 +25,9 @@ pub struct SimulatedRig {
 pub struct Truth {
     /// True coefficients of red, green and blue.
     pub media: Vec<Medium>,
+    /// True diffuse reflectance of the bare surface of red, green and blue, on the front face of the
+    /// media's grid, where it is lit; else empty.
+    pub surface: Vec<Vec<f64>>,
     /// How light gets in and out; where it is simulated by diffusion, the convention too.
     pub optics: Optics,
     /// Where camera and projector are, and their lenses.
@@ -137,6 +140,7 @@ impl SimulatedRig {
         let World { scene, imperfections, .. } = &*self.world;
         Truth {
             media: scene.media().to_vec(),
+            surface: scene.surface().to_vec(),
             optics: scene.optics(),
             setup: scene.setup,
             imperfections: imperfections.clone(),

@@ -176,7 +176,7 @@ impl Watch {
             }
         }
         // Only pictures of the block have the patch lit, and nothing else on the bench.
-        if matches!(frame.purpose, Purpose::Fit | Purpose::HeldOut)
+        if matches!(frame.purpose, Purpose::Fit | Purpose::HeldOut | Purpose::Surface)
             && let Some(patch) = stats.patch.filter(|patch| patch.mean < 0.9 * full)
         {
             warnings.extend(self.drift(requested_s, patch, seen.min, full));
