@@ -3,7 +3,7 @@
 //! One part, as wide and high as the front face in voxels; each slice in depth is two layers,
 //! `kappa_z000` (mm) and `mu_z000` (1/mm), whose channels are those of the material. The first
 //! slice is the front face's; pictures stand as the rig's camera sees them. 32-bit floats without
-//! loss.
+//! loss. A material with a surface has one layer more, `surface_reflectance`.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -15,12 +15,15 @@ use exr::prelude::{
     ReadChannels, ReadLayers, SmallVec, Text, Vec2, WritableImage, read as exr_read,
 };
 
-use crate::header::{Header, KEY};
+use crate::header::{Header, KEY, Optional};
 use crate::reading::{Known, Reading};
-use crate::{FileError, Grid, Material, Overwrite, atomic_write};
+use crate::{FileError, Grid, Material, Overwrite, Surface, atomic_write};
 
 /// What zip can do at best: no more bytes than this for each byte of a file.
 const MOST_BYTES_A_BYTE: usize = 1032;
+
+/// The layer of the surface.
+const SURFACE: &str = "surface_reflectance";
 
 /// A layer's name.
 fn layer(coefficient: &str, slice: usize) -> String {
@@ -47,6 +50,11 @@ pub fn write(path: &Path, material: &Material, overwrite: Overwrite) -> Result<(
                 channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(samples)));
             }
         }
+    }
+    for (channel, surface) in material.channels().iter().zip(material.surface().unwrap_or_default())
+    {
+        let samples = FlatSamples::F32(surface.reflectance.clone());
+        channels.push(AnyChannel::new(format!("{SURFACE}.{}", channel.name).as_str(), samples));
     }
     // Blocks in the file's order, not in that in which threads get done with them. The last bits of
     // coefficients are noise: what zip would save is not worth its time.
@@ -106,18 +114,21 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
         let found = format!("{nx} × {ny} pixels and {} channels", planes.len());
         return Err(malformed(format!("expected {width} × {height} × {nz} voxels, found {found}")));
     }
+    let plane = |layer: &str, channel: &str| {
+        let name = format!("{layer}.{channel}");
+        let plane = planes.iter().find(|(found, _)| *found == name);
+        let (_, plane) = plane.ok_or_else(|| FileError::MissingArray {
+            path: path.into(),
+            name: name.clone(),
+            available: planes.iter().map(|(name, _)| name.clone()).collect(),
+        })?;
+        // Sub-sampled channels have fewer: the material's own check counts them.
+        Ok(plane.values_as_f32())
+    };
     let volume = |coefficient: &str, channel: &str| {
         let mut out = Vec::with_capacity(nx * ny * nz);
         for slice in 0..nz {
-            let name = format!("{}.{channel}", layer(coefficient, slice));
-            let plane = planes.iter().find(|(found, _)| *found == name);
-            let (_, plane) = plane.ok_or_else(|| FileError::MissingArray {
-                path: path.into(),
-                name: name.clone(),
-                available: planes.iter().map(|(name, _)| name.clone()).collect(),
-            })?;
-            // Sub-sampled channels have fewer: the material's own check counts them.
-            out.extend(plane.values_as_f32());
+            out.extend(plane(&layer(coefficient, slice), channel)?);
         }
         Ok(out)
     };
@@ -126,7 +137,15 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Reading, FileError> {
         names.iter().map(|name| volume(coefficient, name)).collect::<Result<Vec<_>, FileError>>()
     };
     let (kappa, mu) = (volumes("kappa")?, volumes("mu")?);
-    known.material(path, kappa, mu)
+    let surface = |name: &String| Ok(Surface { reflectance: plane(SURFACE, name)?.collect() });
+    let there = names.iter().any(|channel| {
+        let name = format!("{SURFACE}.{channel}");
+        planes.iter().any(|(found, _)| *found == name)
+    });
+    let surface: Option<Result<Vec<Surface>, FileError>> =
+        there.then(|| names.iter().map(surface).collect());
+    let optional = Optional { surface: surface.transpose()?, ..Optional::default() };
+    known.whole(path, kappa, mu, optional)
 }
 
 /// Bytes of all samples of a part, as f32.

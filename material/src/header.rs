@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     Channel, Face, FileError, Grid, Material, Optics, Provenance, Resolution, ScatteringMedium,
+    Surface,
 };
 
 /// Its name where a format has named places for text.
@@ -19,6 +20,13 @@ pub(crate) struct Header {
     pub optics: Optics,
     pub lit_face: Face,
     pub provenance: Provenance,
+}
+
+/// What a material may have beside κ and μ, channel by channel.
+#[derive(Default)]
+pub(crate) struct Optional {
+    pub resolution: Option<Vec<Resolution>>,
+    pub surface: Option<Vec<Surface>>,
 }
 
 /// A channel without its arrays.
@@ -40,13 +48,13 @@ impl Header {
         }
     }
 
-    /// The material again, from κ and μ channel by channel in the sample's frame, and how far its
-    /// images determine it, where that is known; `path` is for messages.
+    /// The material again, from κ and μ channel by channel in the sample's frame, and from what else
+    /// is known of it; `path` is for messages.
     pub(crate) fn material(
         self,
         kappa: Vec<Vec<f32>>,
         mu: Vec<Vec<f32>>,
-        resolution: Option<Vec<Resolution>>,
+        Optional { resolution, surface }: Optional,
         path: &Path,
     ) -> Result<Material, FileError> {
         let Self { grid, channels, optics, lit_face, provenance } = self;
@@ -60,6 +68,10 @@ impl Header {
         Material::new(grid, channels.collect(), optics, lit_face, provenance)
             .and_then(|material| match resolution {
                 Some(resolution) => material.with_resolution(resolution),
+                None => Ok(material),
+            })
+            .and_then(|material| match surface {
+                Some(surface) => material.with_surface(surface),
                 None => Ok(material),
             })
             .map_err(|source| FileError::NotAMaterial { path: path.into(), source })

@@ -21,6 +21,7 @@ mod provenance;
 mod reading;
 mod resolution;
 mod scattering;
+mod surface;
 mod template;
 pub mod vdb;
 mod volume;
@@ -41,4 +42,5 @@ pub use scattering::{
     Impossible, ScatteringMedium, SceneUnit, absorption_and_scattering, diffusion_and_absorption,
     impossible_voxels,
 };
+pub use surface::{Surface, single_scattering, single_scattering_map};
 pub use volume::{Channel, Coefficient, Material, MaterialError};

@@ -6,7 +6,7 @@
 //! | 4 | u32, version of the format: 1 |
 //! | 4 | u32, length of the header in bytes, a multiple of 8 |
 //! | … | the header, JSON in UTF-8, padded with spaces |
-//! | … | f32 arrays, channel by channel, κ before μ; then, if there is one, the resolution likewise |
+//! | … | f32 arrays, channel by channel, κ before μ; then, if there is one, the resolution likewise, and the surface reflectance |
 //! | 32 | BLAKE3 of everything before it |
 //!
 //! All numbers are little-endian.
@@ -16,8 +16,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::header::Header;
-use crate::{Coefficient, FileError, Material, Overwrite, Resolution, atomic_write};
+use crate::header::{Header, Optional};
+use crate::{Coefficient, FileError, Material, Overwrite, Resolution, Surface, atomic_write};
 
 const MAGIC: &[u8; 8] = b"DIAPHANE";
 const VERSION: u32 = 1;
@@ -33,6 +33,16 @@ struct NativeHeader {
     /// A list of its own, which readers that do not know it leave alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     resolution: Vec<ArrayEntry>,
+    /// Another one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    surface: Vec<ArrayEntry>,
+}
+
+impl NativeHeader {
+    /// Every array of the file.
+    fn listed(&self) -> impl Iterator<Item = &ArrayEntry> {
+        self.arrays.iter().chain(&self.resolution).chain(&self.surface)
+    }
 }
 
 /// One array of f32 in the order of the grid.
@@ -76,6 +86,9 @@ impl Material {
                 put(&little_endian(&resolution.kappa_mm))?;
                 put(&little_endian(&resolution.mu_mm))?;
             }
+            for surface in self.surface().unwrap_or_default() {
+                put(&little_endian(&surface.reflectance))?;
+            }
             file.write_all(hasher.finalize().as_bytes())
         })
     }
@@ -94,24 +107,25 @@ impl Material {
     }
 
     fn native_header(&self) -> Result<Vec<u8>, serde_json::Error> {
-        let length = self.grid().len() as u64;
         let mut offset = 0;
-        let mut list = |channels: usize, coefficients: [Coefficient; 2]| {
-            let pairs =
-                (0..channels).flat_map(|c| coefficients.map(|coefficient| (c, coefficient)));
-            let entry = |(channel, coefficient)| {
+        let mut list = |channels: usize, coefficients: &[Coefficient]| {
+            let pairs = (0..channels).flat_map(|c| coefficients.iter().map(move |k| (c, *k)));
+            let entry = |(channel, coefficient): (usize, Coefficient)| {
+                let length = coefficient.places(self.grid()).1 as u64;
                 let entry = ArrayEntry { channel, coefficient, offset, length };
                 offset += length * 4;
                 entry
             };
             pairs.map(entry).collect::<Vec<_>>()
         };
-        let arrays = list(self.channels().len(), [Coefficient::Kappa, Coefficient::Mu]);
+        let arrays = list(self.channels().len(), &[Coefficient::Kappa, Coefficient::Mu]);
         let resolution = list(
             self.resolution().map_or(0, <[_]>::len),
-            [Coefficient::KappaResolution, Coefficient::MuResolution],
+            &[Coefficient::KappaResolution, Coefficient::MuResolution],
         );
-        let header = NativeHeader { material: Header::of(self), arrays, resolution };
+        let surface =
+            list(self.surface().map_or(0, <[_]>::len), &[Coefficient::SurfaceReflectance]);
+        let header = NativeHeader { material: Header::of(self), arrays, resolution, surface };
         let mut header = serde_json::to_vec(&header)?;
         // Arrays start at a multiple of 8, so that a reader may map the file and use them in place.
         header.resize(header.len().next_multiple_of(8), b' ');
@@ -189,21 +203,21 @@ pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<Material, FileError> {
 fn expected_size(bytes: &[u8], header_length: usize) -> Option<u64> {
     let header = bytes.get(PREAMBLE..PREAMBLE.checked_add(header_length)?)?;
     let header: NativeHeader = serde_json::from_slice(header).ok()?;
-    let arrays = header.arrays.iter().chain(&header.resolution);
-    let ends = arrays.map(|a| a.length.checked_mul(4)?.checked_add(a.offset));
+    let ends = header.listed().map(|a| a.length.checked_mul(4)?.checked_add(a.offset));
     let data = ends.collect::<Option<Vec<_>>>()?.into_iter().max()?;
     data.checked_add((PREAMBLE + header_length + HASH) as u64)
 }
 
 fn assemble(header: NativeHeader, data: &[u8], path: &Path) -> Result<Material, FileError> {
     let array = |channel: usize, coefficient: Coefficient| {
-        let listed = || header.arrays.iter().chain(&header.resolution);
-        let entry = listed()
+        let entry = header
+            .listed()
             .find(|a| a.channel == channel && a.coefficient == coefficient)
             .ok_or_else(|| FileError::MissingArray {
                 path: path.into(),
                 name: format!("{coefficient} of channel {channel}"),
-                available: listed()
+                available: header
+                    .listed()
                     .map(|a| format!("{} of channel {}", a.coefficient, a.channel))
                     .collect(),
             })?;
@@ -236,5 +250,11 @@ fn assemble(header: NativeHeader, data: &[u8], path: &Path) -> Result<Material, 
         };
         Some((0..channels).map(of).collect::<Result<_, FileError>>()?)
     };
-    header.material.material(kappa, mu, resolution, path)
+    let surface = if header.surface.is_empty() {
+        None
+    } else {
+        let maps = volumes(Coefficient::SurfaceReflectance)?.into_iter();
+        Some(maps.map(|reflectance| Surface { reflectance }).collect())
+    };
+    header.material.material(kappa, mu, Optional { resolution, surface }, path)
 }

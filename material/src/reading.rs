@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::header::{ChannelHeader, Header};
+use crate::header::{ChannelHeader, Header, Optional};
 use crate::{Face, FileError, Grid, Material, Optics, Provenance, diffusion_and_absorption};
 
 /// A material, and what had to be assumed because its file does not tell.
@@ -53,7 +53,18 @@ impl Known {
         kappa: Vec<Vec<f32>>,
         mu: Vec<Vec<f32>>,
     ) -> Result<Reading, FileError> {
-        let material = self.header.material(kappa, mu, None, path)?;
+        self.whole(path, kappa, mu, Optional::default())
+    }
+
+    /// The same with what else the file tells.
+    pub fn whole(
+        self,
+        path: &Path,
+        kappa: Vec<Vec<f32>>,
+        mu: Vec<Vec<f32>>,
+        optional: Optional,
+    ) -> Result<Reading, FileError> {
+        let material = self.header.material(kappa, mu, optional, path)?;
         Ok(Reading { material, assumed: self.assumed })
     }
 }

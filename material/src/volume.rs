@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Face, Grid, Optics, Provenance, Resolution};
+use crate::{Face, Grid, Optics, Provenance, Resolution, Surface};
 
 /// κ and μ of every voxel of a block, per colour channel, with everything that is needed
 /// to relight it: the grid, the optical convention and the face that was lit.
@@ -17,6 +17,7 @@ pub struct Material {
     lit_face: Face,
     provenance: Provenance,
     resolution: Option<Vec<Resolution>>,
+    surface: Option<Vec<Surface>>,
 }
 
 /// The coefficients in one colour channel.
@@ -44,6 +45,8 @@ pub enum Coefficient {
     KappaResolution,
     /// The same of μ.
     MuResolution,
+    /// Diffuse reflectance of the surface itself, of the cells of the front face.
+    SurfaceReflectance,
 }
 
 impl Coefficient {
@@ -52,6 +55,15 @@ impl Coefficient {
         match self {
             Self::Kappa | Self::Mu => ("positive and finite", |v| v.is_finite() && v > 0.0),
             Self::KappaResolution | Self::MuResolution => ("positive", |v| v > 0.0),
+            Self::SurfaceReflectance => ("finite and at least 0", |v| v.is_finite() && v >= 0.0),
+        }
+    }
+
+    /// What has one value of it, and how many of these a grid has.
+    pub(crate) fn places(self, grid: &Grid) -> (&'static str, usize) {
+        match self {
+            Self::SurfaceReflectance => ("cell of the front face", grid.face_len()),
+            _ => ("voxel", grid.len()),
         }
     }
 }
@@ -63,6 +75,7 @@ impl std::fmt::Display for Coefficient {
             Coefficient::Mu => "mu",
             Coefficient::KappaResolution => "resolution of kappa",
             Coefficient::MuResolution => "resolution of mu",
+            Coefficient::SurfaceReflectance => "surface reflectance",
         })
     }
 }
@@ -77,13 +90,17 @@ pub enum MaterialError {
     #[error("channel names must differ, found {0:?} twice")]
     SameName(String),
     /// An array that does not fit the grid.
-    #[error("channel {channel}: {coefficient} needs one value a voxel ({expected}), found {found}")]
+    #[error(
+        "channel {channel}: {coefficient} needs one value a {place} ({expected}), found {found}"
+    )]
     WrongLength {
         /// Channel name.
         channel: String,
         /// The array.
         coefficient: Coefficient,
-        /// Voxels of the grid.
+        /// What has one value.
+        place: &'static str,
+        /// How many of these the grid has.
         expected: usize,
         /// Length of the array.
         found: usize,
@@ -121,6 +138,19 @@ pub enum MaterialError {
         /// Resolutions given.
         found: usize,
     },
+    /// Not one surface a channel.
+    #[error("a material of {expected} channels needs as many surface reflectances, found {found}")]
+    SurfaceCount {
+        /// Channels.
+        expected: usize,
+        /// Surfaces given.
+        found: usize,
+    },
+    /// A surface whose light nobody saw.
+    #[error(
+        "a surface reflectance needs a material lit on the front face, found one lit on the back"
+    )]
+    SurfaceUnlit,
     /// An impossible refractive index.
     #[error("the refractive index must be at least 1 and finite, found {0}")]
     BadEta(f64),
@@ -162,7 +192,8 @@ impl Material {
             check(&grid, channel, Coefficient::Kappa, &channel.kappa_mm)?;
             check(&grid, channel, Coefficient::Mu, &channel.mu_per_mm)?;
         }
-        Ok(Self { grid, channels, optics, lit_face, provenance, resolution: None })
+        let (resolution, surface) = (None, None);
+        Ok(Self { grid, channels, optics, lit_face, provenance, resolution, surface })
     }
 
     /// The same material with how far its images determine it, one for each channel.
@@ -180,6 +211,25 @@ impl Material {
             check(&self.grid, channel, Coefficient::MuResolution, &resolution.mu_mm)?;
         }
         Ok(Self { resolution: Some(resolution), ..self })
+    }
+
+    /// The same material with what its surface reflects by itself, one for each channel.
+    ///
+    /// # Errors
+    /// A material that is lit on the back face, not one for each channel, an array whose length is
+    /// not `grid.face_len()`, or a value that is negative or not finite.
+    pub fn with_surface(self, surface: Vec<Surface>) -> Result<Self, MaterialError> {
+        if self.lit_face != Face::Front {
+            return Err(MaterialError::SurfaceUnlit);
+        }
+        let (expected, found) = (self.channels.len(), surface.len());
+        if expected != found {
+            return Err(MaterialError::SurfaceCount { expected, found });
+        }
+        for (channel, surface) in self.channels.iter().zip(&surface) {
+            check(&self.grid, channel, Coefficient::SurfaceReflectance, &surface.reflectance)?;
+        }
+        Ok(Self { surface: Some(surface), ..self })
     }
 
     /// The voxel grid.
@@ -200,6 +250,12 @@ impl Material {
     /// How far the images determine each channel; None where nobody has looked.
     pub fn resolution(&self) -> Option<&[Resolution]> {
         self.resolution.as_deref()
+    }
+
+    /// What the surface reflects by itself in each channel; None where it is not known, as for every
+    /// material that is lit from the back.
+    pub fn surface(&self) -> Option<&[Surface]> {
+        self.surface.as_deref()
     }
 
     /// The optical convention that the coefficients hold under.
@@ -225,11 +281,13 @@ fn check(
     values: &[f32],
 ) -> Result<(), MaterialError> {
     let channel = || channel.name.clone();
-    if values.len() != grid.len() {
-        let (expected, found) = (grid.len(), values.len());
+    let (place, expected) = coefficient.places(grid);
+    if values.len() != expected {
+        let found = values.len();
         return Err(MaterialError::WrongLength {
             channel: channel(),
             coefficient,
+            place,
             expected,
             found,
         });
@@ -285,6 +343,28 @@ mod tests {
         says(&|_, o| o.eta = 0.9, &["0.9"]);
         says(&|_, o| o.boundary_constant = f64::NAN, &["C", "NaN"]);
     }
+
+    #[test]
+    fn a_bad_surface_is_named() {
+        let lit = |face| Material { lit_face: face, ..build(|_, _| ()).unwrap() };
+        let fine = Surface { reflectance: vec![0.0; 12] };
+        let says = |face, surface: Vec<Surface>, part: &str| {
+            let error = lit(face).with_surface(surface).unwrap_err();
+            assert!(error.to_string().contains(part), "{error} does not say {part:?}");
+        };
+        assert!(lit(Face::Front).with_surface(vec![fine.clone(); 2]).is_ok());
+        says(Face::Back, vec![fine.clone(); 2], "lit on the front face");
+        says(Face::Front, vec![fine.clone()], "2 channels");
+        let mut bad = fine.clone();
+        bad.reflectance[5] = -0.25;
+        let told =
+            "G: surface reflectance must be finite and at least 0, found -0.25 in voxel (1, 1, 0)";
+        says(Face::Front, vec![fine.clone(), bad], told);
+        let volume = Surface { reflectance: vec![0.1; 24] };
+        let told = "R: surface reflectance needs one value a cell of the front face (12), found 24";
+        says(Face::Front, vec![volume, fine], told);
+    }
+
     #[test]
     fn a_bad_resolution_is_named() {
         let fine = Resolution { kappa_mm: vec![f32::INFINITY; 24], mu_mm: vec![0.5; 24] };

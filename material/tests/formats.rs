@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::sample;
+use common::{sample, surfaced};
 use material::{
     Conversion, FileError, Format, Impossible, Material, Overwrite, Reading, SceneUnit, write_all,
 };
@@ -40,6 +40,25 @@ fn a_material_round_trips() {
     for format in [Format::Native, Format::Npz, Format::Nrrd, Format::Exr] {
         let (_folder, path) = written(format, &material, SceneUnit::Millimetre);
         assert_eq!(Format::read(&path).unwrap().material, material, "{format:?}");
+    }
+}
+
+/// Who keeps the surface keeps it exactly; the others drop it and nothing else.
+#[test]
+fn a_surface_is_kept_or_left_out() {
+    for names in [&["R", "G", "B"][..], &["Y"]] {
+        let material = surfaced(names);
+        for format in [Format::Native, Format::Npz, Format::Vdb, Format::Nrrd, Format::Exr] {
+            let (_folder, path) = written(format, &material, SceneUnit::Millimetre);
+            let found = Format::read(&path).unwrap().material;
+            if matches!(format, Format::Vdb | Format::Nrrd) {
+                assert!(found.surface().is_none());
+                let surface = material.surface().unwrap().to_vec();
+                assert_eq!(found.with_surface(surface).unwrap(), material, "{format:?}");
+            } else {
+                assert_eq!(found, material, "{format:?}");
+            }
+        }
     }
 }
 

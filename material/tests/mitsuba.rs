@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::sample;
+use common::{sample, surfaced};
 use material::mitsuba::{GridVolume, export};
 use material::{
     Channel, Face, FileError, Grid, Impossible, Material, Optics, Overwrite, Provenance,
@@ -59,6 +59,36 @@ fn every_voxel_arrives_where_it_belongs() {
     let back_lower_left = grid.index(0, 3, 2);
     assert_eq!(sigma_a.data[1], material.channels()[1].mu_per_mm[back_lower_left]);
     assert_eq!(sigma_a.data[3], material.channels()[0].mu_per_mm[back_lower_left + 1]);
+}
+
+/// A surface lies beside the scene as a picture, one pixel a cell, row 0 on top, and is only then.
+#[test]
+fn a_surface_is_a_picture_beside_the_scene() {
+    for names in [&["R", "G", "B"][..], &["Y"]] {
+        let folder = tempfile::tempdir().unwrap();
+        let material = surfaced(names);
+        let files = export(
+            &folder.path().join("scene.xml"),
+            &medium(&material, Impossible::Refuse).unwrap(),
+            Overwrite::Refuse,
+        )
+        .unwrap();
+        let picture = folder.path().join("surface_reflectance.exr");
+        assert!(files.len() == 8 && files.contains(&picture), "{files:?}");
+        let image = exr::prelude::read_first_flat_layer_from_file(&picture).unwrap();
+        assert_eq!((image.layer_data.size.0, image.layer_data.size.1), (5, 4));
+        for (name, surface) in names.iter().zip(material.surface().unwrap()) {
+            let list = &image.layer_data.channel_data.list;
+            let found = list.iter().find(|channel| channel.name.to_string() == *name).unwrap();
+            let values: Vec<f32> = found.sample_data.values_as_f32().collect();
+            assert_eq!(values, surface.reflectance);
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let plain = sample(&["Y"]);
+    let plain = medium(&plain, Impossible::Refuse).unwrap();
+    let files = export(&folder.path().join("scene.xml"), &plain, Overwrite::Refuse).unwrap();
+    assert!(files.len() == 7 && !folder.path().join("surface_reflectance.exr").exists());
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::panic::catch_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::sample;
+use common::surfaced;
 use material::{Conversion, Format, Overwrite, readers};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -59,7 +59,7 @@ fn whole(name: &str, channels: &[&str]) -> Vec<u8> {
     };
     let path = folder.path().join(format!("m.{}", written.ending()));
     let conversion = Conversion::default();
-    written.write(&path, &sample(channels), conversion, Overwrite::Refuse).unwrap();
+    written.write(&path, &surfaced(channels), conversion, Overwrite::Refuse).unwrap();
     std::fs::read(folder.path().join(file)).unwrap()
 }
 

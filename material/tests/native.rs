@@ -4,7 +4,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
-use common::{resolved, sample};
+use common::{resolved, sample, surfaced};
 use material::{FileError, Material, Overwrite};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -66,6 +66,53 @@ fn a_resolution_goes_along_and_disturbs_nobody() {
     other[at..at + name.len()].copy_from_slice(b"\"mu\"           ");
     let error = load(&path, &sealed(other)).unwrap_err();
     assert!(error.to_string().contains("resolution of mu"), "{error}");
+}
+
+/// So does a surface, whose arrays are as long as the front face; one that is cut short, is not there
+/// or belongs to a material that is lit from the back is refused.
+#[test]
+fn a_surface_goes_along_and_disturbs_nobody() {
+    let (_folder, path, _) = written();
+    let material = surfaced(&["R", "G", "B"]);
+    material.save(&path, Overwrite::Replace).unwrap();
+    assert_eq!(Material::load(&path).unwrap(), material);
+    let bytes = std::fs::read(&path).unwrap();
+    let header = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[16..16 + header]).unwrap();
+    assert_eq!(json["arrays"].as_array().unwrap().len(), 6);
+    let last = &json["surface"][2];
+    assert_eq!(last["coefficient"], "surface-reflectance");
+    // Behind six arrays of 60 values and two of 20.
+    assert_eq!((&last["offset"], &last["length"]), (&1600.into(), &20.into()));
+    assert_eq!(bytes.len(), 16 + header + 1680 + 32);
+
+    let lie = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len());
+        let at = bytes.windows(from.len()).rposition(|w| w == from.as_bytes()).unwrap();
+        let mut other = bytes.clone();
+        other[at..at + to.len()].copy_from_slice(to.as_bytes());
+        load(&path, &sealed(other)).unwrap_err().to_string()
+    };
+    let told = lie("\"length\":20", "\"length\":19");
+    assert!(
+        told.contains(
+            "B: surface reflectance needs one value a cell of the front face (20), found 19"
+        ),
+        "{told}"
+    );
+    let told = lie("\"offset\":1600", "\"offset\":1604");
+    assert!(told.contains("1684") && told.contains("1680"), "{told}");
+    let told =
+        lie("\"channel\":2,\"coefficient\":\"surface", "\"channel\":9,\"coefficient\":\"surface");
+    assert!(told.contains("surface reflectance of channel 2"), "{told}");
+    let told = lie("\"lit_face\":\"front\"", "\"lit_face\":\"back\" ");
+    assert!(told.contains("lit on the front face"), "{told}");
+    // A value that no surface has: the last before the hash.
+    let mut bad = bytes.clone();
+    let at = bytes.len() - 36;
+    bad[at..at + 4].copy_from_slice(&(-0.5_f32).to_le_bytes());
+    let told = load(&path, &sealed(bad)).unwrap_err().to_string();
+    assert!(told.contains("at least 0, found -0.5 in voxel (4, 3, 0)"), "{told}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod common;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use common::{resolved, sample};
+use common::{resolved, sample, surfaced};
 use material::npz::{self, NpzReader};
 use material::{FileError, Material, Overwrite};
 use rand::{RngExt, SeedableRng};
@@ -50,6 +50,39 @@ fn a_resolution_round_trips() {
     assert_eq!(Material::read_npz(&path).unwrap(), material);
     let mut npz = NpzReader::open(&path).unwrap();
     assert_eq!(npz.array_f64("mu_resolution_mm").unwrap().shape, [2, 3, 4, 5]);
+}
+
+#[test]
+fn a_surface_round_trips() {
+    let (_folder, path) = folder();
+    let material = surfaced(&["R", "G"]);
+    material.write_npz(&path, Overwrite::Refuse).unwrap();
+    assert_eq!(Material::read_npz(&path).unwrap(), material);
+    let mut npz = NpzReader::open(&path).unwrap();
+    let map = npz.array_f64("surface_reflectance").unwrap();
+    assert_eq!(map.shape, [2, 4, 5]);
+    // Row 1, column 2 of the second channel.
+    assert_eq!(map.data[20 + 7] as f32, material.surface().unwrap()[1].reflectance[7]);
+
+    // One row short, as if somebody had cut the picture.
+    let (header, plain) = (npz.text("header").unwrap(), material.channels());
+    npz::write(&path, Overwrite::Replace, |npz| {
+        let kappa = plain.iter().map(|c| c.kappa_mm.as_slice());
+        npz.parts_f32("kappa", &[2, 3, 4, 5], kappa)?;
+        npz.parts_f32("mu", &[2, 3, 4, 5], plain.iter().map(|c| c.mu_per_mm.as_slice()))?;
+        npz.array_f64("spacing_mm", &[3], &material.grid().spacing_mm())?;
+        npz.array_f64("gain", &[2], &[plain[0].gain, plain[1].gain])?;
+        npz.scalar("eta", material.optics().eta)?;
+        npz.scalar("C", material.optics().boundary_constant)?;
+        npz.array_f32("surface_reflectance", &[2, 3, 5], &[0.1; 30])?;
+        npz.text("header", &header)
+    })
+    .unwrap();
+    let told = Material::read_npz(&path).unwrap_err().to_string();
+    assert!(
+        ["surface_reflectance", "[2, 4, 5]", "[2, 3, 5]"].iter().all(|t| told.contains(t)),
+        "{told}"
+    );
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! Mitsuba's frame is the renderers' of [`ScatteringMedium`]: z points at the camera.
 
 mod import;
+mod surface;
 mod volume;
 
 use std::io::Write;
@@ -30,7 +31,9 @@ const VOLUMES: [(&str, Quantity); 4] = [
 /// - `sigma_t.vol` and `albedo.vol`, which Mitsuba's heterogeneous medium takes, and `sigma_a.vol`
 ///   and `sigma_s.vol` (σs') for others; coefficients per scene unit;
 /// - `render.py`, which renders the scene channel by channel;
-/// - `about.json`: units, the optical convention and the material's provenance.
+/// - `about.json`: units, the optical convention and the material's provenance;
+/// - `surface_reflectance.exr`, where the material has a surface: a picture for scenes of one's own.
+///   This scene does without, since no BSDF adds light to what a medium sends back through it.
 ///
 /// The scene is the block, lit over all of its lit face and seen from the front; Mitsuba renders it
 /// as it is. Returns all files, the scene first.
@@ -48,6 +51,8 @@ pub fn export(
     let [script, about_it] = ["render.py", ABOUT].map(beside);
     let mut files = vec![path.to_owned(), script.clone(), about_it.clone()];
     files.extend(VOLUMES.iter().map(|(name, _)| beside(name)));
+    let picture = medium.material().surface().map(|surface| (beside(surface::PICTURE), surface));
+    files.extend(picture.iter().map(|(path, _)| path.clone()));
     if overwrite == Overwrite::Refuse
         && let Some(path) = files.iter().find(|file| file.symlink_metadata().is_ok())
     {
@@ -56,6 +61,9 @@ pub fn export(
     for (name, quantity) in VOLUMES {
         let value = |c, i| quantity(medium.sigma(c, i)) as f32;
         GridVolume::of(medium, channels, value).write(&beside(name), overwrite)?;
+    }
+    if let Some((path, reflectance)) = &picture {
+        surface::write(path, medium.material().grid(), reflectance, overwrite)?;
     }
     let text = |path: &Path, text: &str| {
         atomic_write(path, overwrite, |file| file.write_all(text.as_bytes()))

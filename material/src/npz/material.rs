@@ -3,18 +3,21 @@
 use std::path::Path;
 
 use super::{NpzReader, write};
-use crate::header::Header;
-use crate::{FileError, Material, Overwrite, Resolution};
+use crate::header::{Header, Optional};
+use crate::{FileError, Material, Overwrite, Resolution, Surface};
 
 /// Names of the arrays that only a material with a resolution has.
 const RESOLUTION: [&str; 2] = ["kappa_resolution_mm", "mu_resolution_mm"];
+
+/// Name of the array that only a material with a surface has.
+const SURFACE: &str = "surface_reflectance";
 
 impl Material {
     /// Writes the material for NumPy: `kappa` (mm) and `mu` (1/mm) as float32 of shape
     /// (channels, nz, ny, nx); `names` (channels); `gain` (channels); `spacing_mm` (hx, hy,
     /// hz); scalars `eta` and `C`; and `header`, a JSON text with these and the rest
     /// (boundary convention, lit face, provenance). Where it is known, the resolution of both in the
-    /// shape of `kappa`.
+    /// shape of `kappa`, and `surface_reflectance` of shape (channels, ny, nx).
     ///
     /// # Errors
     /// The file is there already and `overwrite` refuses, or the system does.
@@ -30,6 +33,10 @@ impl Material {
                 let of_kappa = resolution.iter().map(|r| r.kappa_mm.as_slice());
                 npz.parts_f32(kappa, &shape, of_kappa)?;
                 npz.parts_f32(mu, &shape, resolution.iter().map(|r| r.mu_mm.as_slice()))?;
+            }
+            if let Some(surface) = self.surface() {
+                let maps = surface.iter().map(|s| s.reflectance.as_slice());
+                npz.parts_f32(SURFACE, &[channels.len(), ny, nx], maps)?;
             }
             let names: Vec<&str> = channels.iter().map(|c| c.name.as_str()).collect();
             npz.texts("names", &names)?;
@@ -68,11 +75,19 @@ impl Material {
         let voxels = header.grid.len();
         let shape = [header.channels.len(), nz, ny, nx];
         let known = RESOLUTION.iter().any(|name| npz.contains(name));
-        let mut volumes = |name: &str| {
-            let values = npz.shaped(name, &shape)?;
-            let volume = |volume: &[f64]| volume.iter().map(|&v| v as f32).collect::<Vec<f32>>();
-            Ok::<_, FileError>(values.chunks_exact(voxels).map(volume).collect::<Vec<_>>())
+        let lit = npz.contains(SURFACE);
+        let mut parts = |name: &str, shape: &[usize], length: usize| {
+            let values = npz.shaped(name, shape)?;
+            let part = |part: &[f64]| part.iter().map(|&v| v as f32).collect::<Vec<f32>>();
+            Ok::<_, FileError>(values.chunks_exact(length).map(part).collect::<Vec<_>>())
         };
+        let surface = if lit {
+            let maps = parts(SURFACE, &[header.channels.len(), ny, nx], nx * ny)?;
+            Some(maps.into_iter().map(|reflectance| Surface { reflectance }).collect())
+        } else {
+            None
+        };
+        let mut volumes = |name: &str| parts(name, &shape, voxels);
         let (kappa, mu) = (volumes("kappa")?, volumes("mu")?);
         let resolution = if known {
             let (kappa, mu) = (volumes(RESOLUTION[0])?, volumes(RESOLUTION[1])?);
@@ -81,7 +96,7 @@ impl Material {
         } else {
             None
         };
-        header.material(kappa, mu, resolution, path)
+        header.material(kappa, mu, Optional { resolution, surface }, path)
     }
 }
 

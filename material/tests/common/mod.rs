@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use material::{
     Channel, Face, Grid, Impossible, Input, Material, Optics, Provenance, Resolution,
-    ScatteringMedium, SceneUnit,
+    ScatteringMedium, SceneUnit, Surface,
 };
 
 pub fn sample(names: &[&str]) -> Material {
@@ -47,6 +47,19 @@ pub fn resolved(names: &[&str]) -> Material {
         mu_mm: (0..60).map(|i| if i < 50 { 5.0 + i as f32 } else { f32::INFINITY }).collect(),
     };
     sample(names).with_resolution((0..names.len()).map(resolution).collect()).unwrap()
+}
+
+/// The same lit from the front, with a surface.
+#[allow(dead_code, reason = "not every format holds it")]
+pub fn surfaced(names: &[&str]) -> Material {
+    let plain = sample(names);
+    let surface = |c: usize| Surface {
+        reflectance: (0..20).map(|i| 0.01 * i as f32 + 0.3 * c as f32).collect(),
+    };
+    let (grid, optics) = (*plain.grid(), *plain.optics());
+    let (channels, provenance) = (plain.channels().to_vec(), plain.provenance().clone());
+    let lit = Material::new(grid, channels, optics, Face::Front, provenance).unwrap();
+    lit.with_surface((0..names.len()).map(surface).collect()).unwrap()
 }
 
 /// A material as a renderer takes it; none of its voxels is impossible.
