@@ -3,4 +3,4 @@
 
 mod slab;
 
-pub use slab::{RelightError, relight};
+pub use slab::{RelightError, relight, surface_radiance};

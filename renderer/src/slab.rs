@@ -26,7 +26,8 @@ pub enum RelightError {
 ///
 /// `irradiance` holds one map of nx × ny values (x fastest, sample frame) a pattern, 1 being
 /// projector white. Returns `[channel][pattern][cell]`, radiance along the normal in 1/sr times
-/// the irradiance unit, with each channel's fitted gain applied.
+/// the irradiance unit, with each channel's fitted gain applied. Where the material has a surface,
+/// what that sends back is in it ([`surface_radiance`]).
 ///
 /// # Errors
 /// A map of another size than the lit face or with values that are not finite; a solve that does
@@ -49,15 +50,37 @@ pub fn relight(
         images.iter_mut().flatten().for_each(|l| *l *= channel.gain);
         out.push(images);
     }
+    if let Some(surface) = surface_radiance(material, irradiance) {
+        let sums = out.iter_mut().flatten().flatten();
+        sums.zip(surface.iter().flatten().flatten()).for_each(|(l, s)| *l += s);
+    }
     Ok(out)
+}
+
+/// The part of [`relight`]'s radiance that the surface of a front-lit material sends back beside
+/// multiple scattering, (gain · s + ρ/π) E ([`Material::surface_response`]), in the same shape; None
+/// for a material without a surface.
+pub fn surface_radiance(
+    material: &Material,
+    irradiance: &[Vec<f64>],
+) -> Option<Vec<Vec<Vec<f64>>>> {
+    let lit = |response: &[f64], map: &Vec<f64>| -> Vec<f64> {
+        response.iter().zip(map).map(|(r, e)| r * e).collect()
+    };
+    let channel = |response: Vec<f64>| irradiance.iter().map(|map| lit(&response, map)).collect();
+    Some(material.surface_response()?.into_iter().map(channel).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use material::{Channel, Grid, Optics, Provenance};
+    use material::{BoundaryConvention, Channel, Grid, Optics, Provenance, Surface};
 
     fn slab(gain: f64) -> Material {
+        lit(Face::Back, Optics::from_eta(1.3), gain)
+    }
+
+    fn lit(face: Face, optics: Optics, gain: f64) -> Material {
         let grid = Grid::new([8, 6, 4], [0.5; 3]).unwrap();
         let channel = Channel {
             name: "G".into(),
@@ -65,8 +88,7 @@ mod tests {
             mu_per_mm: vec![0.01; grid.len()],
             gain,
         };
-        let optics = Optics::from_eta(1.3);
-        Material::new(grid, vec![channel], optics, Face::Back, Provenance::default()).unwrap()
+        Material::new(grid, vec![channel], optics, face, Provenance::default()).unwrap()
     }
 
     /// Light adds up: two halves of the face together give the whole, to the solver's residual.
@@ -81,6 +103,31 @@ mod tests {
             let [a, b, whole] = [0, 1, 2].map(|m| images[0][m][c]);
             assert!(whole > 0.0 && (a + b - whole).abs() < 1e-5 * whole, "{a} + {b} = {whole}");
             assert!((doubled[0][0][c] - 2.0 * a).abs() < 1e-9 * a);
+        }
+    }
+
+    /// Lit cells get ρ/π E, and under the papers' convention what scatters once, which a channel's
+    /// gain weighs as it does the rest; cells without light get nothing.
+    #[test]
+    fn the_surface_adds_to_lit_cells_alone() {
+        use std::f64::consts::PI;
+        let rho: Vec<f32> = (0..48).map(|i| 0.01 * i as f32).collect();
+        let light: Vec<f64> = (0..48).map(|i| if i % 3 == 0 { 0.0 } else { 0.5 }).collect();
+        for boundary in [BoundaryConvention::Transport, BoundaryConvention::Wang2008] {
+            let plain = lit(Face::Front, Optics::with_boundary(1.3, boundary), 1.5);
+            let surface = vec![Surface { reflectance: rho.clone() }];
+            let with = relight(&plain.clone().with_surface(surface).unwrap(), &[light.clone()]);
+            let (with, without) = (with.unwrap(), relight(&plain, &[light.clone()]).unwrap());
+            let once = match boundary {
+                BoundaryConvention::Transport => 0.0,
+                // T² α/(8π η²), T = 4η/(1 + η)² and α = 1 − 3 · 0.3 · 0.01, in single precision.
+                _ => 1.5 * (4.0_f64 / 2.3 / 2.3).powi(2) * 0.991 / (8.0 * PI),
+            };
+            for (i, (rho, e)) in rho.iter().zip(&light).enumerate() {
+                let expected = e * (once + f64::from(*rho) / PI);
+                let found = with[0][0][i] - without[0][0][i];
+                assert!((found - expected).abs() < 1e-8, "{boundary:?} {i}: {found}, {expected}");
+            }
         }
     }
 
