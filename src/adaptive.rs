@@ -7,14 +7,14 @@
 
 use crate::Failure;
 use crate::commands::calibrate::{self, Calibrated, frame_and_time, merge_shot, subtract};
-use crate::measurement::mask_lit;
+use crate::measurement::lit_directly;
 use crate::sensor::Sensor;
 use crate::session::Session;
 use calibration::{HdrImage, NoiseModel, Response, rectify};
 use material::{Input, Overwrite};
 use rig::{
-    ChannelBrightness, ExposureChoice, FrameNoise, NoiseGoal, Outcome, Pattern, Plan, SampleScheme,
-    Shot, choose_exposures, frame_path,
+    ChannelBrightness, ExposureChoice, FrameNoise, NoiseGoal, Outcome, Pattern, Plan, Purpose,
+    SampleScheme, Shot, choose_exposures, frame_path,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -338,7 +338,7 @@ fn clipped(session: &Session, chosen: &Chosen) -> Result<BTreeMap<String, Vec<f6
 struct Cells {
     cells: [usize; 2],
     spacing_mm: [f64; 2],
-    /// Those lit directly, from the front, tell nothing.
+    /// Those lit directly, from the front, tell nothing but of the surface.
     usable: Vec<bool>,
 }
 
@@ -347,9 +347,13 @@ impl Cells {
         let grid = &session.config.sample.grid;
         let ([nx, ny, _], [hx, hy, _]) = (grid.cells(), grid.spacing_mm());
         let irradiance = irradiance(shot, found, [nx, ny])?;
-        let mut mask = vec![vec![1.0; nx * ny]];
-        mask_lit(session.config.sample.lit_face, [nx, ny], &irradiance, &mut mask);
-        let usable = mask.iter().flatten().map(|v| v.is_finite()).collect();
+        let usable = match shot.purpose {
+            Purpose::Surface => vec![true; nx * ny],
+            _ => {
+                let lit = lit_directly(session.config.sample.lit_face, [nx, ny], &irradiance);
+                lit.iter().map(|lit| !lit).collect()
+            }
+        };
         Ok(Self { cells: [nx, ny], spacing_mm: [hx, hy], usable })
     }
 

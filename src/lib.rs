@@ -23,6 +23,7 @@ mod session;
 mod statistics;
 mod steps;
 mod study;
+mod surface;
 mod technician;
 mod wheel;
 

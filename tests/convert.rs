@@ -3,7 +3,7 @@
 mod common;
 
 use common::diaphane;
-use material::{Channel, Face, Grid, Material, Optics, Overwrite, Provenance};
+use material::{Channel, Face, Grid, Material, Optics, Overwrite, Provenance, Surface};
 use std::path::Path;
 
 /// A block of wax, 20 × 20 × 12 mm, with one voxel that no medium has if `impossible`.
@@ -50,6 +50,31 @@ fn a_chain_of_formats_ends_where_it_began() {
     let run = diaphane([Path::new("convert"), &path("sigma_s.vol"), &path("g.npz")]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     assert!(run.stderr.contains("does not tell") && run.stderr.contains("1 mm"), "{}", run.stderr);
+}
+
+/// A surface goes along where a format has a place for it, `info` tells its range, and a format that
+/// loses it loses nothing else.
+#[test]
+fn a_surface_is_carried_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let plain = wax(&path("plain.diaphane"), false);
+    let (channels, provenance) = (plain.channels().to_vec(), plain.provenance().clone());
+    let lit = Material::new(*plain.grid(), channels, *plain.optics(), Face::Front, provenance);
+    let reflectance: Vec<f32> = (0..1600).map(|i| 0.0625 * (i % 3) as f32).collect();
+    let material = lit.unwrap().with_surface(vec![Surface { reflectance }; 3]).unwrap();
+    material.save(&path("a.diaphane"), Overwrite::Refuse).unwrap();
+    for pair in ["a.diaphane", "b.npz", "c.exr", "d.diaphane", "e.nrrd"].windows(2) {
+        let run = diaphane([Path::new("convert"), &path(pair[0]), &path(pair[1])]);
+        assert_eq!(run.code, 0, "{}", run.stderr);
+    }
+    assert_eq!(Material::load(&path("d.diaphane")).unwrap(), material);
+    let run = diaphane([Path::new("info"), &path("b.npz")]);
+    let told = &run.json["channels"][2]["surface_reflectance"];
+    assert_eq!(*told, serde_json::json!({ "min": 0.0, "median": 0.0625, "max": 0.125 }));
+    assert!(run.stderr.contains("surface reflectance 0 to 0.125, median 0.0625"), "{}", run.stderr);
+    let run = diaphane([Path::new("info"), &path("e.nrrd")]);
+    assert!(run.code == 0 && !run.stderr.contains("surface"), "{}", run.stderr);
 }
 
 #[test]

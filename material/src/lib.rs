@@ -42,5 +42,5 @@ pub use scattering::{
     Impossible, ScatteringMedium, SceneUnit, absorption_and_scattering, diffusion_and_absorption,
     impossible_voxels,
 };
-pub use surface::{Surface, single_scattering, single_scattering_map};
+pub use surface::{Surface, lit_response, single_scattering};
 pub use volume::{Channel, Coefficient, Material, MaterialError};

@@ -3,10 +3,11 @@
 //!
 //! On lit cells of the front face
 //!
-//!     L = gain · (L_multiple + s E) + ρ/π E
+//!     L = gain · (L_multiple + (s + b) E) + ρ/π E
 //!
 //! with L_multiple from the diffusion equation, E the irradiance, ρ the surface's diffuse
-//! reflectance (W08, section 6.1) and s the share of light that scattered once (the patent's L_s).
+//! reflectance (W08, section 6.1), s the share of light that scattered once (the patent's L_s), and b
+//! what the exit radiance of `wang2008` takes away where light comes in.
 
 use std::f64::consts::PI;
 
@@ -48,24 +49,38 @@ pub fn single_scattering(optics: &Optics, kappa_mm: f64, mu_per_mm: f64) -> f64 
     }
 }
 
-/// The part of a channel's single scattering that a picture has, for every cell of the front face:
-/// gain · s, 1/sr.
-pub fn single_scattering_map(material: &Material, channel: &Channel) -> Vec<f64> {
+/// What lit cells lack of the radiance of multiple scattering, for each unit of irradiance; 1/sr.
+///
+/// W08 (3) has L = (φ − q)/(2π), the net flux: right where no light comes in, but below zero where it
+/// does. What comes out there is φ/(2π), so q/(2π) is put back, q being E under `wang2008`. The other
+/// conventions' exit radiances know of E themselves.
+fn taken_away(optics: &Optics) -> f64 {
+    match optics.boundary {
+        BoundaryConvention::Wang2008 => 1.0 / (2.0 * PI),
+        BoundaryConvention::Wang2010 | BoundaryConvention::Transport => 0.0,
+    }
+}
+
+/// What follows from a channel's κ and μ, and from the convention, that lit cells have beside
+/// L_multiple, for each unit of irradiance: gain · (s + b) of every cell of the front face, 1/sr.
+pub fn lit_response(material: &Material, channel: &Channel) -> Vec<f64> {
+    let optics = material.optics();
     let cells = channel.kappa_mm.iter().zip(&channel.mu_per_mm).take(material.grid().face_len());
-    let s = |(k, m): (&f32, &f32)| {
-        channel.gain * single_scattering(material.optics(), f64::from(*k), f64::from(*m))
+    let both = |(kappa, mu): (&f32, &f32)| {
+        let once = single_scattering(optics, f64::from(*kappa), f64::from(*mu));
+        channel.gain * (once + taken_away(optics))
     };
-    cells.map(s).collect()
+    cells.map(both).collect()
 }
 
 impl Material {
-    /// What its surface adds to the radiance of lit front cells for each unit of irradiance, gain · s
-    /// + ρ/π in 1/sr, one list of front cells a channel; None for a material without a surface.
+    /// What is added to L_multiple on lit front cells for each unit of irradiance, gain · (s + b) + ρ/π
+    /// in 1/sr, one list of front cells a channel; None for a material without a surface.
     pub fn surface_response(&self) -> Option<Vec<Vec<f64>>> {
         let response = |(channel, surface): (&Channel, &Surface)| {
-            let once = single_scattering_map(self, channel);
-            let both = once.iter().zip(&surface.reflectance);
-            both.map(|(s, rho)| s + f64::from(*rho) / PI).collect()
+            let known = lit_response(self, channel);
+            let both = known.iter().zip(&surface.reflectance);
+            both.map(|(known, rho)| known + f64::from(*rho) / PI).collect()
         };
         Some(self.channels().iter().zip(self.surface()?).map(response).collect())
     }

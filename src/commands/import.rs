@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::average::onto_cells;
 use crate::commands::calibrate::{self, subtract};
 use crate::manifest::{Light, Manifest, Source};
-use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
+use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, lit_directly};
 use crate::output::{Done, Progress, check_input_folder, counted};
 use crate::session::{Config, PlanConfig, RigConfig, Session};
 use crate::steps::next_line;
@@ -13,6 +13,7 @@ use calibration::{
     recover_response, rectify,
 };
 use material::{Input, Overwrite};
+use rig::Purpose;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
@@ -65,7 +66,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     // Its pictures lie elsewhere; their hashes are in a file of their own.
     measured.save(&session, Vec::new(), overwrite)?;
     let folder = session.folder().display();
-    let held = measured.select(true).len();
+    let held = measured.select(Purpose::HeldOut).len();
     let text = format!(
         "{folder}: {}, {held} of them held out, on {} × {} cells in {}\n{}",
         counted(measured.patterns.len(), "pattern"),
@@ -136,7 +137,7 @@ impl<'a> Reader<'a> {
                     })?,
                 Light::Picture(file) => self.irradiance(&file, [nx, ny])?,
             };
-            let (radiance, mut variance) = self.in_units(&map, image.variance_known);
+            let (radiance, variance) = self.in_units(&map, image.variance_known);
             if let Some(first) = patterns.first().filter(|p| p.radiance.len() != radiance.len()) {
                 return Err(Failure::input(format!(
                     "pattern {:?}: has {}, pattern {:?} has {}",
@@ -146,9 +147,17 @@ impl<'a> Reader<'a> {
                     first.radiance.len()
                 )));
             }
-            mask_lit(sample.lit_face, [nx, ny], &irradiance, &mut variance);
-            let (name, held_out) = (entry.name.clone(), entry.held_out);
-            patterns.push(MeasuredPattern { name, held_out, irradiance, radiance, variance });
+            let place = (sample.lit_face, [nx, ny]);
+            let purpose = match entry.held_out {
+                // Of no use for or against a fit: no cell shows multiple scattering alone.
+                _ if lit_directly(place.0, place.1, &irradiance).iter().all(|lit| *lit) => {
+                    Purpose::Surface
+                }
+                true => Purpose::HeldOut,
+                false => Purpose::Fit,
+            };
+            let named = (entry.name.clone(), purpose);
+            patterns.push(MeasuredPattern::new(named, place, irradiance, radiance, variance));
         }
         progress.finish(&counted(patterns.len(), "pattern"));
         let channels = match patterns.first().map_or(0, |p| p.radiance.len()) {

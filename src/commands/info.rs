@@ -45,6 +45,9 @@ struct About {
     gain: f64,
     kappa_mm: Spread,
     mu_per_mm: Spread,
+    /// Diffuse reflectance of the surface itself, where it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    surface_reflectance: Option<Range>,
     /// Voxels with 3κμ > 1, which no scattering medium has.
     impossible_voxels: usize,
     impossible_share: f64,
@@ -62,6 +65,24 @@ struct About {
     /// Whether these are small; the reasons if not.
     diffusion_holds: bool,
     diffusion_warning: Option<String>,
+}
+
+/// Of values that may be 0, which [`Spread`]'s histogram has no place for.
+#[derive(Serialize)]
+struct Range {
+    min: f64,
+    median: f64,
+    max: f64,
+}
+
+impl Range {
+    fn of(values: &[f32]) -> Option<Self> {
+        let mut sorted = values.to_vec();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let at = |i: usize| sorted.get(i).map(|v| f64::from(*v));
+        let last = sorted.len().checked_sub(1)?;
+        Some(Self { min: at(0)?, median: at(last / 2)?, max: at(last)? })
+    }
 }
 
 pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
@@ -88,7 +109,9 @@ impl Info {
             lit_face: material.lit_face(),
             provenance: material.provenance().clone(),
             assumed: assumed.clone(),
-            channels: material.channels().iter().filter_map(|c| About::of(material, c)).collect(),
+            channels: (0..material.channels().len())
+                .filter_map(|c| About::of(material, c))
+                .collect(),
         }
     }
 
@@ -133,7 +156,9 @@ impl Info {
 }
 
 impl About {
-    fn of(material: &Material, channel: &Channel) -> Option<Self> {
+    fn of(material: &Material, index: usize) -> Option<Self> {
+        let channel: &Channel = material.channels().get(index)?;
+        let surface = material.surface().and_then(|all| all.get(index));
         let impossible_voxels = impossible_voxels(channel);
         let regime = Regime::of(material, channel);
         let (scale, rms) = regime.errors();
@@ -144,6 +169,7 @@ impl About {
             name: channel.name.clone(),
             gain: channel.gain,
             mu_per_mm: Spread::of(&channel.mu_per_mm)?,
+            surface_reflectance: surface.and_then(|s| Range::of(&s.reflectance)),
             impossible_voxels,
             impossible_share: impossible_voxels as f64 / material.grid().len() as f64,
             mean_free_path_mm,
@@ -168,6 +194,10 @@ impl About {
         };
         spread(out, "kappa", "mm", &self.kappa_mm)?;
         spread(out, "mu", "1/mm", &self.mu_per_mm)?;
+        if let Some(Range { min, median, max }) = &self.surface_reflectance {
+            let [min, median, max] = [min, median, max].map(|v| number(*v));
+            writeln!(out, "  surface reflectance {min} to {max}, median {median}")?;
+        }
         writeln!(
             out,
             "  voxels that no scattering medium has (3κμ > 1): {} ({} %)",

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::adaptive;
 use crate::cli::STOP;
 use crate::commands::calibrate::{self, merge_shot, subtract};
-use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern, mask_lit};
+use crate::measurement::{ARRAYS, CHANNELS, Measured, MeasuredPattern};
 use crate::output::{Done, Progress, counted};
 use crate::sensor::{Sensor, Source};
 use crate::session::{RigConfig, Session};
@@ -145,7 +145,7 @@ pub(crate) fn derive(
     let shots: Vec<_> = plan
         .shots
         .iter()
-        .filter(|s| matches!(s.purpose, Purpose::Fit | Purpose::HeldOut))
+        .filter(|s| matches!(s.purpose, Purpose::Fit | Purpose::HeldOut | Purpose::Surface))
         .collect();
     let mut progress = Progress::new("merge", shots.len());
     let mut patterns = Vec::new();
@@ -164,15 +164,10 @@ pub(crate) fn derive(
             values[c * face..(c + 1) * face].iter().map(|v| f64::from(*v) / unit).collect()
         };
         let radiance = (0..3).map(|c| channel(&map.radiance, c, 1)).collect();
-        let mut variance: Vec<Vec<f64>> = (0..3).map(|c| channel(&map.variance, c, 2)).collect();
-        mask_lit(session.config.sample.lit_face, [nx, ny], &irradiance, &mut variance);
-        patterns.push(MeasuredPattern {
-            name: shot.name.clone(),
-            held_out: shot.purpose == Purpose::HeldOut,
-            irradiance,
-            radiance,
-            variance,
-        });
+        let variance = (0..3).map(|c| channel(&map.variance, c, 2)).collect();
+        let named = (shot.name.clone(), shot.purpose);
+        let place = (session.config.sample.lit_face, [nx, ny]);
+        patterns.push(MeasuredPattern::new(named, place, irradiance, radiance, variance));
     }
     let channels = CHANNELS.map(str::to_owned).to_vec();
     let measured = Measured { patterns, cells: [nx, ny], channels };

@@ -10,12 +10,14 @@ use crate::regime;
 use crate::resolution::{self, ByDepth};
 use crate::session::Session;
 use crate::steps::next_line;
+use crate::surface::{SurfaceFound, add_surface};
 use clap::ValueEnum;
 use diffusion::{
     CpuSolver, DeviceChoice, Gpu, GpuError, Illuminations, Inverse, InverseError, InverseSettings,
     Iterate, Lambda, Measurement, Method, SolveError, Solved, Stage, invert_from, invert_on_gpu,
 };
 use material::{Channel, Grid, Input, Material, Optics, Overwrite, Provenance};
+use rig::Purpose;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -118,6 +120,9 @@ pub(crate) struct Convergence {
     #[serde(default)]
     pub device: String,
     pub channels: Vec<ChannelConvergence>,
+    /// How the surface of each channel was found; empty where there is none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub surface: Vec<SurfaceFound>,
 }
 
 impl Convergence {
@@ -144,6 +149,10 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             "{}: fit {:.2e}, λ {:.1e}, {} gradients, {} linear solves\n",
             c.channel, c.fit, c.lambda, c.gradient_evaluations, c.linear_solves
         );
+    }
+    for surface in &result.surface {
+        text += &format!("{}\n", surface.text());
+        surface.warning().iter().for_each(|warning| text += &format!("{warning}\n"));
     }
     if let Some(cut_off) = result.cut_off() {
         text += &format!("warning: {cut_off}; solve again with more\n");
@@ -174,6 +183,7 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         "lambda": lambda,
         "material": session.path(MATERIAL),
         "channels": result.channels,
+        "surface": result.surface,
         "model_warnings": doubts,
         "resolution": by_depth,
     });
@@ -189,7 +199,7 @@ pub(crate) fn solve(
     session.refuse_existing(MATERIAL, overwrite)?;
     let started = Instant::now();
     let measured = Measured::load(session)?;
-    let fitted = measured.select(false);
+    let fitted = measured.select(Purpose::Fit);
     let sample = &session.config.sample;
     let grid = sample.grid;
     let optics = sample.optics()?;
@@ -248,9 +258,10 @@ pub(crate) fn solve(
     if !resolutions.is_empty() {
         material = material.with_resolution(resolutions)?;
     }
+    let (material, surface) = add_surface(material, &measured)?;
     let seconds = started.elapsed().as_secs_f64();
     let device = solving.gpu.map_or("CPU".to_owned(), |gpu| gpu.name().to_owned());
-    let result = Convergence { seconds, fit: misfit / energy, device, channels: reports };
+    let result = Convergence { seconds, fit: misfit / energy, device, channels: reports, surface };
     session.write_json(CONVERGENCE, &result, Overwrite::Replace)?;
     // The material last: once it is there the solve is done.
     material.save(&session.result(MATERIAL)?, overwrite)?;

@@ -10,6 +10,7 @@ use crate::session::Session;
 use crate::steps::{self, Ledger, made_from};
 use diffusion::{CpuSolver, Medium, bssrdf_error};
 use material::{Input, Material, Overwrite};
+use rig::Purpose;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
@@ -46,10 +47,26 @@ pub(crate) struct Verification {
     /// E of W08 figure 11 against the simulator's truth, mean of the channels; None without one.
     pub bssrdf_error: Option<f64>,
     pub bssrdf_error_by_channel: Vec<f64>,
+    /// Pixels that are lit directly from the front, which the others leave out; None without a
+    /// surface to predict them with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lit_pixels: Option<LitPixels>,
     pub patterns: Vec<PatternError>,
     /// What was compared; empty in files from before it was noted.
     #[serde(default)]
     pub inputs: Vec<Input>,
+}
+
+/// Errors of pixels that are lit directly, or next to one that is, over fitted and held-out patterns;
+/// the pictures that the surface was found from are left out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct LitPixels {
+    /// Relative RMS with all that the material has.
+    pub rel_rms: f64,
+    /// The same of held-out patterns alone; None without such.
+    pub heldout_rel_rms: Option<f64>,
+    /// Relative RMS by multiple scattering alone, of all patterns.
+    pub without_surface_rel_rms: f64,
 }
 
 /// Error of one relit image.
@@ -79,6 +96,13 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     }
     if let Some(e) = result.bssrdf_error {
         text += &format!(", BSSRDF error E {e:.2e}");
+    }
+    if let Some(lit) = &result.lit_pixels {
+        text += &format!(
+            "\nlit pixels {:.2} % relative RMS, {:.2} % without the surface",
+            100.0 * lit.rel_rms,
+            100.0 * lit.without_surface_rel_rms
+        );
     }
     text += &format!("\n{}", steps::next_line(&session)?);
     Ok(Done::new(json!(result), text))
@@ -129,7 +153,7 @@ pub(crate) fn compare(session: &Session, measured: &Measured) -> Result<Verifica
                 energy += l * l;
             }
         }
-        let sum = &mut sums[usize::from(pattern.held_out)];
+        let sum = &mut sums[usize::from(pattern.held_out())];
         *sum = (sum.0 + error, sum.1 + energy);
         // A pattern without a usable pixel (the whole face lit in front) says nothing.
         if energy == 0.0 {
@@ -138,7 +162,7 @@ pub(crate) fn compare(session: &Session, measured: &Measured) -> Result<Verifica
         let rel_rms = (error / energy).sqrt();
         patterns.push(PatternError {
             name: pattern.name.clone(),
-            held_out: pattern.held_out,
+            held_out: pattern.held_out(),
             rel_rms,
         });
     }
@@ -150,8 +174,44 @@ pub(crate) fn compare(session: &Session, measured: &Measured) -> Result<Verifica
         bssrdf_error: (!by_channel.is_empty())
             .then(|| by_channel.iter().sum::<f64>() / by_channel.len() as f64),
         bssrdf_error_by_channel: by_channel,
+        lit_pixels: lit_pixels(measured, &relit, renderer::surface_radiance(&material, &maps)),
         patterns,
         inputs: Vec::new(),
+    })
+}
+
+/// Errors of lit pixels; `relit` and the surface's share of it are `[channel][pattern][cell]`.
+fn lit_pixels(
+    measured: &Measured,
+    relit: &[Vec<Vec<f64>>],
+    surface: Option<Vec<Vec<Vec<f64>>>>,
+) -> Option<LitPixels> {
+    let surface = surface?;
+    // Squared errors with the surface and without it, and squared radiance, of fitted and held-out
+    // patterns.
+    let mut sums = [[0.0; 3]; 2];
+    for (m, pattern) in measured.patterns.iter().enumerate() {
+        if pattern.purpose == Purpose::Surface {
+            continue;
+        }
+        let sum = &mut sums[usize::from(pattern.held_out())];
+        for (c, (relit, surface)) in relit.iter().zip(&surface).enumerate() {
+            let modelled = relit[m].iter().zip(&surface[m]);
+            let pixels = pattern.radiance[c].iter().zip(&pattern.lit_variance[c]).zip(modelled);
+            for ((l, _), (r, s)) in pixels.filter(|((_, v), _)| v.is_finite()) {
+                sum[0] += (r - l) * (r - l);
+                sum[1] += (r - s - l) * (r - s - l);
+                sum[2] += l * l;
+            }
+        }
+    }
+    let [fitted, held] = sums;
+    let all: [f64; 3] = std::array::from_fn(|i| fitted[i] + held[i]);
+    let rms = |error: f64, energy: f64| (energy > 0.0).then(|| (error / energy).sqrt());
+    Some(LitPixels {
+        rel_rms: rms(all[0], all[2])?,
+        heldout_rel_rms: rms(held[0], held[2]),
+        without_surface_rel_rms: rms(all[1], all[2])?,
     })
 }
 

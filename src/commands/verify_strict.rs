@@ -10,6 +10,7 @@ use crate::output::{Done, Progress, counted};
 use crate::session::{FILE, RigConfig, Session};
 use crate::steps::{Ledger, State, of_ledger};
 use material::hash_file;
+use rig::Purpose;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -182,8 +183,8 @@ fn first_difference(kept: &Measured, again: &Measured) -> Option<String> {
         let told = |m: &Measured| format!("{:?} cells in {}", m.cells, m.channels.join(", "));
         return Some(format!("has {}, derived again {}", told(kept), told(again)));
     }
-    let names = |m: &Measured| -> Vec<(String, bool)> {
-        m.patterns.iter().map(|p| (p.name.clone(), p.held_out)).collect()
+    let names = |m: &Measured| -> Vec<(String, Purpose)> {
+        m.patterns.iter().map(|p| (p.name.clone(), p.purpose)).collect()
     };
     if names(kept) != names(again) {
         return Some("has other patterns than follow from the pictures".into());
@@ -206,7 +207,11 @@ fn first_difference(kept: &Measured, again: &Measured) -> Option<String> {
 fn maps<'a>(pattern: &'a MeasuredPattern, channels: &[String]) -> Vec<(String, &'a [f64])> {
     let name = &pattern.name;
     let mut out = vec![(format!("{name}: irradiance"), pattern.irradiance.as_slice())];
-    for (kind, maps) in [("radiance", &pattern.radiance), ("variance", &pattern.variance)] {
+    for (kind, maps) in [
+        ("radiance", &pattern.radiance),
+        ("variance", &pattern.variance),
+        ("variance of lit pixels,", &pattern.lit_variance),
+    ] {
         for (channel, map) in channels.iter().zip(maps) {
             out.push((format!("{name}: {kind} {channel}"), map.as_slice()));
         }
@@ -217,6 +222,7 @@ fn maps<'a>(pattern: &'a MeasuredPattern, channels: &[String]) -> Vec<(String, &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use material::Face;
 
     #[test]
     fn the_first_difference_is_named_with_its_place() {
@@ -234,13 +240,11 @@ mod tests {
     }
 
     fn measured(radiance: f64) -> Measured {
-        let pattern = MeasuredPattern {
-            name: "p".into(),
-            held_out: false,
-            irradiance: vec![1.0; 4],
-            radiance: vec![vec![0.5, 0.5, 0.5, radiance]],
-            variance: vec![vec![f64::INFINITY; 4]],
-        };
+        let named = ("p".into(), Purpose::Fit);
+        let radiance = vec![vec![0.5, 0.5, 0.5, radiance]];
+        let (irradiance, variance) = (vec![1.0; 4], vec![vec![f64::INFINITY; 4]]);
+        let place = (Face::Back, [2, 2]);
+        let pattern = MeasuredPattern::new(named, place, irradiance, radiance, variance);
         Measured { patterns: vec![pattern], cells: [2, 2], channels: vec!["Y".into()] }
     }
 

@@ -5,6 +5,7 @@
 
 use crate::measurement::{Measured, MeasuredPattern};
 use crate::report::html::escape;
+use rig::Purpose;
 
 /// A pattern counts as a sum of others where the sum leaves this share of its light.
 const SAME_LIGHT: f64 = 0.01;
@@ -20,9 +21,9 @@ struct Sum<'a> {
 
 /// A table of all patterns that are sums of fitted ones; nothing where there are none.
 pub(crate) fn table(measured: &Measured) -> Option<String> {
-    let fitted = measured.select(false);
+    let fitted = measured.select(Purpose::Fit);
     let sums: Vec<Sum<'_>> =
-        measured.select(true).into_iter().filter_map(|p| compare(p, &fitted)).collect();
+        measured.select(Purpose::HeldOut).into_iter().filter_map(|p| compare(p, &fitted)).collect();
     if sums.is_empty() {
         return None;
     }
@@ -102,16 +103,15 @@ fn weights(pattern: &MeasuredPattern, fitted: &[&MeasuredPattern]) -> Option<Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use material::Face;
 
     fn pattern(name: &str, held_out: bool, irradiance: &[f64], scale: f64) -> MeasuredPattern {
         let radiance = irradiance.iter().map(|e| scale * (0.1 + e)).collect();
-        MeasuredPattern {
-            name: name.into(),
-            held_out,
-            irradiance: irradiance.to_vec(),
-            radiance: vec![radiance],
-            variance: vec![vec![1.0; irradiance.len()]],
-        }
+        let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
+        let variance = vec![vec![1.0; irradiance.len()]];
+        let place = (Face::Back, [irradiance.len(), 1]);
+        let irradiance = irradiance.to_vec();
+        MeasuredPattern::new((name.into(), purpose), place, irradiance, vec![radiance], variance)
     }
 
     #[test]
@@ -123,8 +123,8 @@ mod tests {
             pattern("both", true, &[1.0, 1.0, 2.0, 1.0], 0.5),
             pattern("other", true, &[1.0, 0.0, 1.0, 0.0], 1.0),
         ];
-        let held: Vec<_> = patterns.iter().filter(|p| p.held_out).collect();
-        let fitted: Vec<_> = patterns.iter().filter(|p| !p.held_out).collect();
+        let held: Vec<_> = patterns.iter().filter(|p| p.held_out()).collect();
+        let fitted: Vec<_> = patterns.iter().filter(|p| !p.held_out()).collect();
         let found = compare(held[0], &fitted).unwrap();
         // Sums of four cells: 5 + 4 · 0.2 against half of 5 + 4 · 0.1; rounding only.
         assert!((found.ratio[0] - 5.8 / 2.7).abs() < 1e-12, "{}", found.ratio[0]);

@@ -78,6 +78,7 @@ mod tests {
             fit: 0.0,
             device: device.into(),
             channels: Vec::new(),
+            surface: Vec::new(),
         };
         let preset = [
             ("method", "Lbfgs"),

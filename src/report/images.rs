@@ -9,6 +9,7 @@ use crate::report::html::escape;
 use crate::report::picture;
 use crate::report::scanline::{row, scanline};
 use material::{Grid, Material};
+use rig::Purpose;
 
 /// The radiance that is shown white: all but the brightest 0.5 % of the values lie below it.
 fn white(maps: &[Vec<f64>]) -> f64 {
@@ -25,9 +26,13 @@ fn picture_tag(uri: &str, grid: &Grid, alt: &str) -> String {
 }
 
 fn caption(pattern: &MeasuredPattern, white: f64, told: &str) -> String {
-    let held = if pattern.held_out { " <span class=\"tag\">held out</span>" } else { "" };
+    let tag = match pattern.purpose {
+        Purpose::HeldOut => " <span class=\"tag\">held out</span>",
+        Purpose::Surface => " <span class=\"tag\">for the surface</span>",
+        _ => "",
+    };
     format!(
-        "<figcaption><b>{}</b>{held} {told}<br>white = {white:.2e} /sr</figcaption>",
+        "<figcaption><b>{}</b>{tag} {told}<br>white = {white:.2e} /sr</figcaption>",
         escape(&pattern.name)
     )
 }

@@ -16,6 +16,7 @@ pub(crate) mod picture;
 mod provenance;
 mod resolution;
 mod scanline;
+mod surface;
 mod timeline;
 mod verdict;
 mod volumes;
@@ -34,6 +35,7 @@ use crate::session::Session;
 use crate::steps::{Ledger, State, Step, rests_on};
 use html::{capital, escape, section};
 use material::{Face, Material};
+use rig::Purpose;
 
 /// What a session holds so far.
 struct Found {
@@ -101,6 +103,11 @@ pub(crate) fn page(
     if let Some(material) = &found.material {
         let inside = volumes::volumes(material)? + &resolution::resolution(material)?;
         body += &section("Inside the material", &inside);
+        if let Some(shown) =
+            surface::surface(material, found.convergence.as_ref(), found.verification.as_ref())?
+        {
+            body += &section("On the surface", &shown);
+        }
     }
     if let Some(convergence) = &found.convergence {
         body += &section("How the solve went", &convergence::converged(convergence));
@@ -134,9 +141,13 @@ fn head(session: &Session, found: &Found) -> String {
         Face::Back => "back",
     };
     let patterns = found.measured.as_ref().map_or(String::new(), |m| {
-        let held = m.select(true).len();
+        let held = m.select(Purpose::HeldOut).len();
+        let surface = match m.select(Purpose::Surface).len() {
+            0 => String::new(),
+            n => format!(", {n} for the surface alone"),
+        };
         format!(
-            " Measured under {}, {held} of them kept out of the fit.",
+            " Measured under {}, {held} of them kept out of the fit{surface}.",
             counted(m.patterns.len(), "pattern")
         )
     });

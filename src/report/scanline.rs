@@ -39,7 +39,8 @@ pub(crate) fn scanline(
 ) -> String {
     let part = |map: &[f64]| map.get(row * nx..(row + 1) * nx).unwrap_or_default().to_vec();
     let shares = |map: &Vec<f64>| part(map).iter().map(|v| v / white).collect::<Vec<f64>>();
-    let captured = pattern.radiance.iter().zip(&pattern.variance).map(|(l, v)| {
+    let variance = pattern.whole_variance();
+    let captured = pattern.radiance.iter().zip(&variance).map(|(l, v)| {
         let measured = part(v).into_iter().map(f64::is_finite);
         shares(l).into_iter().zip(measured).map(|(l, m)| m.then_some(l)).collect()
     });
@@ -106,15 +107,13 @@ fn path(values: &[Option<f64>], x: &impl Fn(usize) -> f64, y: &impl Fn(f64) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use material::Face;
+    use rig::Purpose;
 
     fn pattern(irradiance: Vec<f64>, variance: Vec<f64>) -> MeasuredPattern {
-        MeasuredPattern {
-            name: "p".into(),
-            held_out: false,
-            radiance: vec![vec![0.0, 1.0, 2.0, 4.0]; 1],
-            variance: vec![variance],
-            irradiance,
-        }
+        let radiance = vec![vec![0.0, 1.0, 2.0, 4.0]; 1];
+        let (named, place) = (("p".into(), Purpose::Fit), (Face::Back, [2, irradiance.len() / 2]));
+        MeasuredPattern::new(named, place, irradiance, radiance, vec![variance])
     }
 
     #[test]

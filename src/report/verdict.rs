@@ -104,6 +104,7 @@ mod tests {
             heldout_rel_rms: held,
             bssrdf_error: e,
             bssrdf_error_by_channel: Vec::new(),
+            lit_pixels: None,
             patterns: Vec::new(),
             inputs: Vec::new(),
         }
