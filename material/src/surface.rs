@@ -3,7 +3,9 @@
 //!
 //! On lit cells of the front face
 //!
-//!     L = gain · (L_multiple + (s + b) E) + ρ/π E
+//! ```text
+//! L = gain · (L_multiple + (s + b) E) + ρ/π E
+//! ```
 //!
 //! with L_multiple from the diffusion equation, E the irradiance, ρ the surface's diffuse
 //! reflectance (W08, section 6.1), s the share of light that scattered once (the patent's L_s), and b
@@ -29,7 +31,9 @@ pub struct Surface {
 /// surface point itself, where a length is missing: σs is per mm. Light along the normal of a half
 /// space, T E below the surface, scatters isotropically at depth z and leaves along the normal:
 ///
-///     s = T/η² ∫ σs'/(4π) T exp(−2 σt' z) dz = T²/η² · α/(8π),   α = σs'/σt' = 1 − 3κμ,
+/// ```text
+/// s = T/η² ∫ σs'/(4π) T exp(−2 σt' z) dz = T²/η² · α/(8π),   α = σs'/σt' = 1 − 3κμ,
+/// ```
 ///
 /// T being Fresnel's transmittance at normal incidence, and 1/η² what radiance loses on its way
 /// out of a denser medium. The length that was missing is 1/(2σt').
