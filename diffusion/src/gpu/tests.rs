@@ -180,4 +180,14 @@ fn vectors_do_what_vec_does() {
         assert!((found[i] + 2.0 * (y[i] + 0.25 * x[i])).abs() < 1e-6);
     }
     assert_eq!(objective.host(&before).unwrap(), y);
+    // What is remembered in single precision serves as the vector itself does.
+    let (kept, own) = (gx.keep(), x.keep());
+    assert!((gy.dot_kept(&kept) - found.dot_kept(&own)).abs() < 1e-4);
+    gy.add_kept(0.5, &kept);
+    let moved = objective.host(&gy).unwrap();
+    let mut expected = found.clone();
+    expected.add_kept(0.5, &own);
+    for (m, e) in moved.iter().zip(&expected) {
+        assert!((m - e).abs() < 1e-6, "{m} {e}");
+    }
 }

@@ -72,6 +72,20 @@ impl Clone for GpuVector {
 }
 
 impl Vector for GpuVector {
+    type Kept = Self;
+
+    fn keep(&self) -> Self {
+        self.clone()
+    }
+
+    fn dot_kept(&self, kept: &Self) -> f64 {
+        self.dot(kept)
+    }
+
+    fn add_kept(&mut self, factor: f64, kept: &Self) {
+        self.add_scaled(factor, kept);
+    }
+
     fn dot(&self, other: &Self) -> f64 {
         self.space.reduce(Kernel::DotProduct, self, other).into_iter().sum()
     }

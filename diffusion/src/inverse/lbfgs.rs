@@ -53,11 +53,42 @@ impl<V> Point<V> {
     }
 }
 
-struct Pair<V> {
-    step: V,
-    /// Changes of ∂D/∂u and ∂R/∂u along the step.
-    by_data: V,
-    by_roughness: V,
+/// A step s, and the changes y_D and y_R of ∂D/∂u and ∂R/∂u along it.
+struct Pair<V: Vector> {
+    step: V::Kept,
+    by_data: V::Kept,
+    by_roughness: V::Kept,
+    /// s·s.
+    length2: f64,
+    /// s·y_D and s·y_R.
+    curvature: [f64; 2],
+    /// y_D·y_D, 2 y_D·y_R and y_R·y_R.
+    change2: [f64; 3],
+}
+
+impl<V: Vector> Pair<V> {
+    /// s·y, y = y_D + λ y_R.
+    fn curvature(&self, lambda: f64) -> f64 {
+        let [data, roughness] = self.curvature;
+        data + lambda * roughness
+    }
+
+    /// y·y.
+    fn change2(&self, lambda: f64) -> f64 {
+        let [data, cross, roughness] = self.change2;
+        data + lambda * (cross + lambda * roughness)
+    }
+
+    /// y·q.
+    fn along(&self, q: &V, lambda: f64) -> f64 {
+        q.dot_kept(&self.by_data) + lambda * q.dot_kept(&self.by_roughness)
+    }
+
+    /// q += factor · y.
+    fn add_change(&self, factor: f64, lambda: f64, q: &mut V) {
+        q.add_kept(factor, &self.by_data);
+        q.add_kept(factor * lambda, &self.by_roughness);
+    }
 }
 
 /// The minimisation on one grid.
@@ -87,7 +118,7 @@ impl<'a, O: Objective> Minimiser<'a, O> {
     /// exact as they can be.
     pub fn shifts(
         &mut self,
-        here: &Point<O::Vector>,
+        here: &O::Vector,
         accuracy: &Accuracy,
     ) -> Result<Shifts, InverseError> {
         let tolerance = accuracy.exact();
@@ -95,10 +126,10 @@ impl<'a, O: Objective> Minimiser<'a, O> {
             self.objective.forward(u, tolerance)?;
             self.objective.gradient(tolerance)
         };
-        let before = by_data(&here.u)?;
+        let before = by_data(here)?;
         let mut out = [[0.0; 2]; 2];
         for (row, out) in out.iter_mut().enumerate() {
-            let mut u = here.u.clone();
+            let mut u = here.clone();
             u.add_scaled(SHIFT, &self.ones[row]);
             let mut change = by_data(&u)?;
             change.add_scaled(-1.0, &before);
@@ -229,50 +260,47 @@ impl<'a, O: Objective> Minimiser<'a, O> {
         if self.pairs.len() == MEMORY {
             self.pairs.pop_front();
         }
+        let step = difference(&next.u, &here.u);
+        let data = difference(&next.by_data, &here.by_data);
+        let roughness = difference(&next.by_roughness, &here.by_roughness);
         self.pairs.push_back(Pair {
-            step: difference(&next.u, &here.u),
-            by_data: difference(&next.by_data, &here.by_data),
-            by_roughness: difference(&next.by_roughness, &here.by_roughness),
+            step: step.keep(),
+            by_data: data.keep(),
+            by_roughness: roughness.keep(),
+            length2: step.dot(&step),
+            curvature: [step.dot(&data), step.dot(&roughness)],
+            change2: [data.dot(&data), 2.0 * data.dot(&roughness), roughness.dot(&roughness)],
         });
     }
 
     /// −H ∂(D + λR)/∂u by the two-loop recursion.
     fn direction(&self, gradient: &O::Vector, lambda: f64) -> O::Vector {
-        let change = |pair: &Pair<O::Vector>| {
-            let mut y = pair.by_data.clone();
-            y.add_scaled(lambda, &pair.by_roughness);
-            y
-        };
-        let curved: Vec<(&O::Vector, O::Vector, f64)> = self
+        // Along a step of no or negative curvature BFGS has nothing to say.
+        let curved: Vec<(&Pair<O::Vector>, f64)> = self
             .pairs
             .iter()
-            .map(|pair| {
-                let y = change(pair);
-                let curvature = pair.step.dot(&y);
-                (&pair.step, y, curvature)
-            })
-            // Along a step of no or negative curvature BFGS has nothing to say.
-            .filter(|(s, y, sy)| *sy > 1e-8 * (s.dot(s) * y.dot(y)).sqrt())
+            .map(|pair| (pair, pair.curvature(lambda)))
+            .filter(|(pair, sy)| *sy > 1e-8 * (pair.length2 * pair.change2(lambda)).sqrt())
             .collect();
         let mut q = gradient.clone();
         q.scale(-1.0);
         let mut alphas = Vec::with_capacity(curved.len());
-        for (s, y, sy) in curved.iter().rev() {
-            let alpha = s.dot(&q) / sy;
-            q.add_scaled(-alpha, y);
+        for (pair, sy) in curved.iter().rev() {
+            let alpha = q.dot_kept(&pair.step) / sy;
+            pair.add_change(-alpha, lambda, &mut q);
             alphas.push(alpha);
         }
         let scale = match curved.last() {
-            Some((_, y, sy)) => sy / y.dot(y),
+            Some((pair, sy)) => sy / pair.change2(lambda),
             None => {
                 let largest = gradient.largest();
                 if largest > 0.0 { FIRST_STEP / largest } else { 0.0 }
             }
         };
         self.first_inverse(&mut q, scale, lambda);
-        for ((s, y, sy), alpha) in curved.iter().zip(alphas.iter().rev()) {
-            let beta = y.dot(&q) / sy;
-            q.add_scaled(alpha - beta, s);
+        for ((pair, sy), alpha) in curved.iter().zip(alphas.iter().rev()) {
+            let beta = pair.along(&q, lambda) / sy;
+            q.add_kept(alpha - beta, &pair.step);
         }
         q
     }

@@ -19,6 +19,15 @@ pub(crate) struct Misfit {
 
 /// u = (log κ, log μ) or a gradient by it: 2 · cells numbers, wherever they are kept.
 pub(crate) trait Vector: Clone {
+    /// The same in single precision, for what is only remembered: many of them are, at 256 × 256 × 20 cells
+    /// ten megabytes each.
+    type Kept;
+    /// In single precision.
+    fn keep(&self) -> Self::Kept;
+    /// self · kept.
+    fn dot_kept(&self, kept: &Self::Kept) -> f64;
+    /// self += factor · kept.
+    fn add_kept(&mut self, factor: f64, kept: &Self::Kept);
     /// self · other.
     fn dot(&self, other: &Self) -> f64;
     /// self += factor · other.
@@ -30,6 +39,22 @@ pub(crate) trait Vector: Clone {
 }
 
 impl Vector for Vec<f64> {
+    type Kept = Vec<f32>;
+
+    fn keep(&self) -> Vec<f32> {
+        self.iter().map(|v| *v as f32).collect()
+    }
+
+    fn dot_kept(&self, kept: &Vec<f32>) -> f64 {
+        self.iter().zip(kept).map(|(a, b)| a * f64::from(*b)).sum()
+    }
+
+    fn add_kept(&mut self, factor: f64, kept: &Vec<f32>) {
+        for (a, b) in self.iter_mut().zip(kept) {
+            *a += factor * f64::from(*b);
+        }
+    }
+
     fn dot(&self, other: &Self) -> f64 {
         self.iter().zip(other).map(|(a, b)| a * b).sum()
     }

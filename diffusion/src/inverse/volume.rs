@@ -183,70 +183,71 @@ impl Run<'_, '_> {
         let u = objective.vector(self.at.logs.clone());
         let accuracy = Accuracy::new(self.settings.tolerance);
         let mut minimiser = Minimiser::new(&mut objective, problem.measurement.weighted_energy());
-        let mut here = minimiser.point(u, &accuracy)?;
+        let here = minimiser.point(u, &accuracy)?;
         self.tell(&minimiser, &here, problem)?;
         if shifts.is_none() && limit >= LEAST_FOR_SHIFTS {
-            *shifts = Some(minimiser.shifts(&here, &accuracy)?);
+            *shifts = Some(minimiser.shifts(&here.u, &accuracy)?);
         }
         minimiser.know(shifts.as_ref());
-        let converged;
-        (here, converged) = if self.at.chosen {
-            self.down(&mut minimiser, problem, here, limit, FINAL)?
+        let (u, found, converged) = if self.at.chosen {
+            let (here, converged) = self.down(&mut minimiser, problem, here, limit, FINAL)?;
+            (here.u, here.misfit, converged)
         } else {
             self.search(&mut minimiser, problem, here, limit)?
         };
         if self.at.level > 0 && limit >= LEAST_FOR_SHIFTS {
-            *shifts = Some(minimiser.shifts(&here, &accuracy)?);
+            *shifts = Some(minimiser.shifts(&u, &accuracy)?);
         }
         if !self.at.chosen && self.at.level > 0 {
             self.at.lambda *= LIFT;
         }
         let misfit = if self.at.chosen {
             // This one is told.
-            minimiser.objective.forward(&here.u, accuracy.exact())?
+            minimiser.objective.forward(&u, accuracy.exact())?
         } else {
-            here.misfit
+            found
         };
-        self.at.logs = minimiser.objective.host(&here.u)?;
+        self.at.logs = minimiser.objective.host(&u)?;
         self.at.work = self.work(&minimiser, problem);
         Ok((misfit, converged))
     }
 
-    /// Lowers λ as long as that pays. Gives the point at the best one, and whether it converged.
+    /// Lowers λ as long as that pays. Gives u and its misfit at the best one, and whether it converged.
     fn search<O: Objective>(
         &mut self,
         minimiser: &mut Minimiser<'_, O>,
         problem: &Problem,
         mut here: Point<O::Vector>,
         limit: usize,
-    ) -> Result<(Point<O::Vector>, bool), InverseError> {
+    ) -> Result<(O::Vector, Misfit, bool), InverseError> {
         let count = problem.measurement.kept_out().max(1) as f64;
-        let mut before: Option<(Point<O::Vector>, f64)> = None;
-        // Whether the kept-out pixels are explained better by a share than before λ fell.
-        let better = |here: &Point<O::Vector>, before: &Point<O::Vector>, share: f64| {
-            let [was, is] = [before, here].map(|p| p.misfit.kept_out / count);
+        // u, misfit and λ before it fell.
+        let mut before: Option<(O::Vector, Misfit, f64)> = None;
+        // Whether the kept-out pixels are explained better by a share than then.
+        let better = |here: &Point<O::Vector>, before: &Misfit, share: f64| {
+            let [was, is] = [before, &here.misfit].map(|misfit| misfit.kept_out / count);
             was - is > share * was.max(CREDIBLE)
         };
         loop {
             let mut converged;
             (here, converged) = self.down(minimiser, problem, here, limit, FAR_OFF)?;
-            let far = |here: &Point<O::Vector>, before: &Option<(Point<O::Vector>, f64)>| {
-                before.as_ref().is_some_and(|(point, _)| better(here, point, FAR))
+            let far = |here: &Point<O::Vector>, before: &Option<(O::Vector, Misfit, f64)>| {
+                before.as_ref().is_some_and(|(_, misfit, _)| better(here, misfit, FAR))
             };
             if self.at.lambda < LAMBDA_JUDGED && !far(&here, &before) {
                 (here, converged) = self.down(minimiser, problem, here, limit, SEARCHING)?;
-                let stop = before.take_if(|(point, _)| !better(&here, point, WORTHWHILE));
-                if let Some((point, lambda)) = stop {
+                let stop = before.take_if(|(_, misfit, _)| !better(&here, misfit, WORTHWHILE));
+                if let Some((u, misfit, lambda)) = stop {
                     self.at.lambda = lambda;
-                    return Ok((point, converged));
+                    return Ok((u, misfit, converged));
                 }
             }
             let judged = self.at.lambda < LAMBDA_JUDGED;
             let factor = if judged && !far(&here, &before) { FACTOR } else { FAR_FACTOR };
             if !converged || self.at.lambda * factor < LAMBDA_LAST {
-                return Ok((here, converged));
+                return Ok((here.u, here.misfit, converged));
             }
-            before = Some((here.clone(), self.at.lambda));
+            before = Some((here.u.clone(), here.misfit, self.at.lambda));
             self.at.lambda *= factor;
         }
     }
