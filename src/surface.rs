@@ -35,12 +35,14 @@ pub(crate) struct SurfaceFound {
 impl SurfaceFound {
     /// The channel in a line.
     pub fn text(&self) -> String {
-        let mut out = format!("{}: surface reflectance {:.3}", self.channel, self.mean);
+        let mut out = format!("{}: mean surface reflectance {:.3}", self.channel, self.mean);
         if self.negative > 0 {
-            out += &format!(", 0 for being negative in {}", counted(self.negative, "cell"));
+            let (negative, cells) = (self.negative, counted(self.cells, "cell"));
+            out += &format!("; {negative} of {cells} came out negative and have 0");
         }
         if self.unknown > 0 {
-            out += &format!(", the mean of the others in {}", counted(self.unknown, "cell"));
+            let unknown = counted(self.unknown, "cell");
+            out += &format!("; {unknown} could not be measured, and have the mean of the others");
         }
         out
     }
@@ -208,9 +210,9 @@ mod tests {
         assert_eq!((how[0].negative, how[0].unknown), (3, 2));
         assert!(how[0].warning().unwrap().contains("10 % of the cells"));
         assert!(
-            how[0]
-                .text()
-                .ends_with("0 for being negative in 3 cells, the mean of the others in 2 cells")
+            how[0].text().ends_with(
+                "; 3 of 30 cells came out negative and have 0; 2 cells could not be measured, and have the mean of the others"
+            )
         );
     }
 

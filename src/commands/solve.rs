@@ -146,8 +146,8 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
     let mut text = String::new();
     for c in &result.channels {
         text += &format!(
-            "{}: fit {:.2e}, λ {:.1e}, {} gradients, {} linear solves\n",
-            c.channel, c.fit, c.lambda, c.gradient_evaluations, c.linear_solves
+            "{}: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} gradients, {} linear solves\n",
+            c.channel, c.fit, c.chi2, c.lambda, c.gradient_evaluations, c.linear_solves
         );
     }
     for surface in &result.surface {
@@ -155,7 +155,9 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
         surface.warning().iter().for_each(|warning| text += &format!("{warning}\n"));
     }
     if let Some(cut_off) = result.cut_off() {
-        text += &format!("warning: {cut_off}; solve again with more\n");
+        let more =
+            format!("solve SESSION --max-evaluations {} --force", 2 * args.options.max_evaluations);
+        text += &format!("warning: {cut_off}; solve again with more: {}\n", session.command(&more));
     }
     let material = Material::load(&session.path(MATERIAL))?;
     let by_depth = ByDepth::of(&material);

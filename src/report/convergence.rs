@@ -40,7 +40,7 @@ pub(crate) fn converged(convergence: &Convergence) -> String {
     });
     format!(
         "{cut_off}<p>Fit, Σ(L − L′)² / ΣL², after each gradient evaluation. {:.0} s in all. χ²/N near 1 means that what is \
-         left is noise; a gain near 1 means that the radiometry is right.</p>{chart}\
+         left is noise, far below 1 that what the model is allowed to get wrong outweighs the noise; a gain near 1 means that the radiometry is right.</p>{chart}\
          <div class=\"wide\"><table><thead><tr><th>channel</th><th>fit</th><th>χ²/N</th><th>λ</th><th>gain</th>\
          <th>gradients</th><th>solves</th><th>start κ</th><th>start μ</th></tr></thead>{rows}</table></div>",
         convergence.seconds

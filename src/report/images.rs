@@ -92,7 +92,7 @@ pub(crate) fn compared(
         "<p>The front face under every pattern: as captured, relit from the material, and relit minus captured. \
          Linear light in sRGB; captured and relit share one exposure, at which all but the brightest 0.5 % of the \
          captured picture is below white. The difference is the mean of the channels in percent of that white, on one \
-         scale for all; grey cells were not compared. Below each, radiance along the row between the marks, in percent of that white: the \
+         scale for all; grey cells are left out, being masked or, from the front, lit directly. Below each, radiance along the row between the marks, in percent of that white: the \
          wide pale lines are captured, the thin ones relit.</p>\
          <div class=\"bar\" style=\"background:linear-gradient(90deg,{})\"></div>\
          <div class=\"ticks\"><span style=\"left:0\">−{percent} % relit darker</span><span style=\"left:50%\">0</span>\

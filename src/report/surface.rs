@@ -32,8 +32,8 @@ pub(crate) fn surface(
     };
     let mut out = format!(
         "<p>Light that never went in: how much of it the surface reflects diffusely by itself, 1 being a white sheet. It \
-         is what the material leaves unexplained in the picture with light on all of the face, and is added where \
-         light falls.{once}</p>"
+         is what the material leaves unexplained in the picture with light on all of the face, what the model gets wrong \
+         next to light among it, and is added where light falls.{once}</p>"
     );
     if let Some(lit) = checked.and_then(|v| v.lit_pixels.as_ref()) {
         out += &format!(
