@@ -18,10 +18,9 @@ pub(crate) fn surface(
     let Some(maps) = material.surface() else { return Ok(None) };
     let [nx, ny, _] = material.grid().cells();
     let [w, h, _] = material.grid().size_mm();
-    let all: Vec<f64> =
+    let mut sorted: Vec<f64> =
         maps.iter().flat_map(|m| &m.reflectance).map(|rho| f64::from(*rho)).collect();
     // The brightest 0.5 % may be glints.
-    let mut sorted = all.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     let high = sorted[(sorted.len() as f64 * 0.995) as usize].max(1e-4);
     let once = match material.optics().boundary {

@@ -5,7 +5,7 @@
 /// A forward solve may be off by this share of what the images still differ by, and an adjoint one by this share
 /// of itself. The gradient is then off by less than 1 % (the test below), while a step of L-BFGS
 /// promises tens of percents of what there is to gain. From 1e-6 to here neither what is found nor
-/// the number of steps changes beyond chance, and the iterations halve.
+/// the number of steps changes beyond chance, and of five iterations three are left.
 const SHARE: f64 = 1e-3;
 
 /// Relative residuals of forward and adjoint solves.
@@ -45,8 +45,9 @@ mod tests {
     use crate::{CpuSolver, Forward, Illuminations, Measurement, Medium};
     use material::{Face, Grid, Optics};
 
-    /// Far from the answer and near it, the gradient is off by less than 1 %: three times the share that
-    /// each of the two solves is allowed, for what a residual of a solve means for its error.
+    /// Far from the answer and near it, the gradient is off by less than 1 %: ten times the share that
+    /// each of the two solves is allowed, for what a residual of a solve means for its error (at three
+    /// times the share it was 1.2 %).
     #[test]
     fn the_gradient_is_as_accurate_as_a_step_needs() {
         let grid = Grid::new([20, 20, 8], [0.5; 3]).unwrap();

@@ -11,6 +11,13 @@ pub(crate) struct Start {
     pub mu_per_mm: f64,
 }
 
+/// u = (log κ, log μ) of a block of so many cells that is the same everywhere.
+pub(crate) fn logs(cells: usize, kappa_mm: f64, mu_per_mm: f64) -> Vec<f64> {
+    let mut u = vec![kappa_mm.ln(); 2 * cells];
+    u[cells..].fill(mu_per_mm.ln());
+    u
+}
+
 /// Steps in log κ and log μ that are tried, largest first. The last one places the start within
 /// a few percent, less than the block's own variation.
 const STEPS: [f64; 5] = [1.2, 0.6, 0.3, 0.15, 0.07];

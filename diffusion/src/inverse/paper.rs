@@ -37,9 +37,8 @@ pub(super) fn run<D: Device>(
     let n = problem.grid.len();
     let mut data = device.objective(problem)?;
     let start = homogeneous::fit(&problem.grid, |kappa, mu| {
-        let mut logs = vec![kappa.ln(); 2 * n];
-        logs[n..].fill(mu.ln());
-        let misfit = data.forward(&data.vector(logs), settings.tolerance)?;
+        let u = data.vector(homogeneous::logs(n, kappa, mu));
+        let misfit = data.forward(&u, settings.tolerance)?;
         let progress = Progress::homogeneous(problem, data.work(), &misfit);
         if observer(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
     })?;

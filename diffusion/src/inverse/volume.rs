@@ -96,13 +96,9 @@ impl Run<'_, '_> {
         let mut objective = device.objective(problem)?;
         let (n, tolerance) = (problem.grid.len(), self.settings.tolerance);
         let share = n as f64 / self.finest.len() as f64;
-        let logs = |kappa: f64, mu: f64| {
-            let mut u = vec![kappa.ln(); 2 * n];
-            u[n..].fill(mu.ln());
-            u
-        };
         let Start { kappa_mm, mu_per_mm } = homogeneous::fit(&problem.grid, |kappa, mu| {
-            let misfit = objective.forward(&objective.vector(logs(kappa, mu)), tolerance)?;
+            let misfit =
+                objective.forward(&objective.vector(homogeneous::logs(n, kappa, mu)), tolerance)?;
             let work = Work::default().with(objective.work(), share);
             let progress = Progress::homogeneous(problem, work, &misfit);
             if (self.observer)(&progress) { Ok(misfit) } else { Err(InverseError::Interrupted) }
@@ -113,7 +109,7 @@ impl Run<'_, '_> {
         };
         Ok(Iterate {
             level,
-            logs: logs(kappa_mm, mu_per_mm),
+            logs: homogeneous::logs(n, kappa_mm, mu_per_mm),
             lambda,
             chosen,
             homogeneous: (kappa_mm, mu_per_mm),
