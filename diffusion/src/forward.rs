@@ -2,7 +2,8 @@
 
 use crate::{
     Batch, Illuminations, LinearSolver, Medium, Operator, SolveError, SolveReport, SurfaceModel,
-    beam::first_scatter, operator::unknown_per_fluence,
+    beam::{first_scatter, leaves_at_once},
+    operator::unknown_per_fluence,
 };
 use material::{Face, Optics, Scheme};
 use rayon::prelude::*;
@@ -44,7 +45,8 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         let lanes = b.lanes();
         let SurfaceModel { beam, drive, .. } = self.surface;
         if beam != 0.0 {
-            let source = first_scatter(&self.medium, light.face());
+            let c = self.surface.boundary_constant;
+            let source = first_scatter(&self.medium, light.face(), c);
             for (block, maps) in light.maps().chunks(lanes).enumerate() {
                 let planes = b.block_mut(block).par_chunks_mut(plane * lanes);
                 planes.zip(source.par_chunks(plane)).for_each(|(out, source)| {
@@ -125,12 +127,18 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         let first = self.first_cell(face);
         let area = self.face_area();
         let lit = face == light.face();
+        let SurfaceModel { beam, boundary_constant, .. } = self.surface;
+        let at_once = match lit && beam != 0.0 {
+            true => leaves_at_once(&self.medium, face, boundary_constant),
+            false => vec![0.0; leaves.len()],
+        };
         let exit = (0..light.count()).map(|m| {
             let map = &light.maps()[m];
             let pixel = |c: usize| {
                 let e = if lit { map[c] } else { 0.0 };
                 let outside = self.surface.drive * e;
-                let flux = (leaves[c] * fluence.get(m, first + c) - enters[c] * outside) / area;
+                let diffuse = (leaves[c] * fluence.get(m, first + c) - enters[c] * outside) / area;
+                let flux = diffuse + beam * at_once[c] * e;
                 self.surface.exit_per_flux * flux + self.surface.exit_per_irradiance * e
             };
             (0..leaves.len()).map(pixel).collect()

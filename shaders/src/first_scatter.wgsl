@@ -1,9 +1,11 @@
-// The first-scatter source of a collimated beam of unit irradiance, column by column.
-// Twin: first_scatter in diffusion/src/beam.rs, which says what it is.
+// The first-scatter source of a collimated beam of unit irradiance, column by column, and what leaves
+// the lit face at once.
+// Twins: first_scatter and leaves_at_once in diffusion/src/beam.rs, which says what they are.
 
 @group(1) @binding(1) var<storage, read> kappa: array<f32>;
 @group(1) @binding(2) var<storage, read> mu: array<f32>;
 @group(1) @binding(3) var<storage, read_write> source: array<f32>;
+@group(1) @binding(4) var<storage, read_write> at_once: array<f32>; // of every column
 
 @compute @workgroup_size(64)
 fn first_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -12,12 +14,20 @@ fn first_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let area = block.spacing.x * block.spacing.y;
     var depth = 0.0;
+    var before = 0u;
     for (var k = 0u; k < level.cells.z; k++) {
         let cell = cell_at(vec3(id.xy, lit_depth(k)));
-        let step = block.spacing.z / (3.0 * kappa[cell]);
-        // exp(−depth) − exp(−depth − step) without the cancellation of a thin cell.
-        let lost = exp(-depth) * select(1.0 - exp(-step), step * (1.0 - 0.5 * step * (1.0 - step / 3.0)), step < 0.02);
-        source[cell] = area * (1.0 - 3.0 * kappa[cell] * mu[cell]) * lost;
+        let own = kappa[cell];
+        let step = block.spacing.z / (3.0 * own);
+        let diffuse = (1.0 - 3.0 * own * mu[cell]) * exp(-depth) * scattered(step);
+        let share = moved(own, k == 0u).x;
+        source[cell] = area * diffuse * (1.0 - share);
+        if k == 0u {
+            at_once[id.y * level.cells.x + id.x] = diffuse * share;
+        } else {
+            source[before] += area * diffuse * share;
+        }
+        before = cell;
         depth += step;
     }
 }

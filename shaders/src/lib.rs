@@ -65,7 +65,8 @@ pub const ADD_SUMS: &str = kernel!("level.wgsl", "total.wgsl", "add_sums.wgsl");
 /// y += factor · x.
 pub const ADD_SCALED: &str = kernel!("add_scaled.wgsl");
 /// What the first-scatter source adds to the gradient.
-pub const BEAM_GRADIENT: &str = kernel!("level.wgsl", "block.wgsl", "beam_gradient.wgsl");
+pub const BEAM_GRADIENT: &str =
+    kernel!("level.wgsl", "block.wgsl", "beam.wgsl", "beam_gradient.wgsl");
 /// The gradient by logarithms.
 pub const BY_LOGS: &str = kernel!("level.wgsl", "block.wgsl", "by_logs.wgsl");
 /// κ, μ and absorption from logarithms.
@@ -76,7 +77,8 @@ pub const CONDUCT: &str = kernel!("level.wgsl", "block.wgsl", "conduct.wgsl");
 pub const EXIT_RADIANCE: &str =
     kernel!("level.wgsl", "block.wgsl", "dot.wgsl", "exit_radiance.wgsl");
 /// The first-scatter source.
-pub const FIRST_SCATTER: &str = kernel!("level.wgsl", "block.wgsl", "first_scatter.wgsl");
+pub const FIRST_SCATTER: &str =
+    kernel!("level.wgsl", "block.wgsl", "beam.wgsl", "first_scatter.wgsl");
 /// high += low.
 pub const FOLD: &str = kernel!("level.wgsl", "columns.wgsl", "fold.wgsl");
 /// The gradient by κ and μ.
