@@ -9,22 +9,22 @@ const ABSORPTION: [f64; 4] = [0.001, 0.01, 0.02, 0.05];
 /// Largest error in scale over the refractive indices: a row an absorption, a column a thickness
 /// (docs/transport.md).
 const SCALE: [[f64; 4]; 4] = [
-    [0.030, 0.008, 0.009, 0.009],
-    [0.036, 0.023, 0.020, 0.031],
-    [0.046, 0.037, 0.051, 0.084],
-    [0.084, 0.120, 0.176, 0.342],
+    [0.043, 0.016, 0.010, 0.012],
+    [0.050, 0.029, 0.026, 0.038],
+    [0.060, 0.048, 0.058, 0.091],
+    [0.099, 0.135, 0.185, 0.352],
 ];
 /// Largest relative root mean square, the same way.
 const RMS: [[f64; 4]; 4] = [
-    [0.080, 0.024, 0.008, 0.009],
-    [0.087, 0.034, 0.019, 0.030],
-    [0.094, 0.050, 0.049, 0.077],
-    [0.124, 0.119, 0.150, 0.255],
+    [0.086, 0.029, 0.010, 0.010],
+    [0.092, 0.041, 0.025, 0.036],
+    [0.101, 0.059, 0.055, 0.084],
+    [0.132, 0.130, 0.157, 0.261],
 ];
 /// Width, in mean free paths, below which free sides add percents to the error in scale.
 const WIDTH: f64 = 24.0;
-/// Edge of a cell, in mean free paths, above which the grid does.
-const CELL: f64 = 0.75;
+/// Edge of a cell, in mean free paths, up to which cells were tried and did not count.
+const CELL: f64 = 2.0;
 
 /// A block in mean free paths 1/(μ + σs'), by the means of one channel.
 pub(crate) struct Regime {
@@ -166,7 +166,7 @@ mod tests {
         assert!(told.is_empty(), "{told:?}");
         let lit = warnings(&slab(20.0, 0.5, 0.9995, Face::Front));
         assert!(lit.len() == 1 && lit[0].contains("front face"), "{lit:?}");
-        let coarse = slab(15.0, 1.5, 0.9995, Face::Back);
-        assert!(warnings(&coarse)[0].contains("cells of 1.5"), "{:?}", warnings(&coarse));
+        let coarse = slab(15.0, 2.5, 0.9995, Face::Back);
+        assert!(warnings(&coarse)[0].contains("cells of 2.5"), "{:?}", warnings(&coarse));
     }
 }

@@ -3,20 +3,29 @@
 use diffusion::Medium;
 use material::{Face, Grid};
 
-/// One of the grids of W08 Table II.
+/// A grid and its light.
 pub(crate) struct Sample {
     pub cells: [usize; 3],
     pub lit: Face,
-    /// What W08 needed on a GeForce 8800 GTX, hours.
-    pub paper_h: f64,
+    /// What W08 needed for it on a GeForce 8800 GTX, hours.
+    pub paper_h: Option<f64>,
 }
 
 /// W08 Table II.
 pub(crate) const TABLE_II: [Sample; 4] = [
-    Sample { cells: [130, 53, 37], lit: Face::Back, paper_h: 2.0 },
-    Sample { cells: [140, 75, 48], lit: Face::Front, paper_h: 4.0 },
-    Sample { cells: [256, 256, 20], lit: Face::Back, paper_h: 11.0 },
-    Sample { cells: [128, 128, 41], lit: Face::Back, paper_h: 3.0 },
+    Sample { cells: [130, 53, 37], lit: Face::Back, paper_h: Some(2.0) },
+    Sample { cells: [140, 75, 48], lit: Face::Front, paper_h: Some(4.0) },
+    Sample { cells: [256, 256, 20], lit: Face::Back, paper_h: Some(11.0) },
+    Sample { cells: [128, 128, 41], lit: Face::Back, paper_h: Some(3.0) },
+];
+
+/// Cubes, from what fits a cache to what hardly fits the memory of a machine: time for an unknown should not
+/// depend on it.
+pub(crate) const CUBES: [Sample; 4] = [
+    Sample { cells: [32; 3], lit: Face::Back, paper_h: None },
+    Sample { cells: [64; 3], lit: Face::Back, paper_h: None },
+    Sample { cells: [128; 3], lit: Face::Back, paper_h: None },
+    Sample { cells: [256; 3], lit: Face::Back, paper_h: None },
 ];
 
 /// Edge of a cell, mm: about half a mean free path of the marble.

@@ -1,5 +1,5 @@
 //! `diaphane-bench`: forward, gradient and inverse on the four grids of W08 Table II, beside the
-//! bandwidth of the memory that they are bound by.
+//! bandwidth of the memory that they are bound by; or forward and gradient on cubes of all sizes.
 //!
 //! It needs nothing but a Vulkan driver (or none, for `--device cpu`), so that it can be copied to
 //! a machine and run there.
@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 #[derive(Parser)]
 #[command(
     version,
-    after_help = "Examples:\n  diaphane-bench\n  diaphane-bench --device cpu --grids 1 --json"
+    after_help = "Examples:\n  diaphane-bench\n  diaphane-bench --device cpu --grids 1 --json\n  diaphane-bench --device cpu --cubes"
 )]
 struct Args {
     /// What does the work: gpu, gpu:NAME, cpu, or auto (a GPU in hardware, else the CPU)
@@ -37,6 +37,10 @@ struct Args {
     /// Leave the inverse solves out
     #[arg(long)]
     no_inverse: bool,
+    /// Cubes of 32³, 64³, 128³ and 256³ cells in their place, without inverse solves; the last takes
+    /// 12 GB
+    #[arg(long)]
+    cubes: bool,
     /// Seconds after which no further grid is begun
     #[arg(long, default_value_t = 480.0)]
     limit: f64,
@@ -70,7 +74,8 @@ fn run(args: &Args) -> Result<(), String> {
     let began = Instant::now();
     let limit = Duration::try_from_secs_f64(args.limit).map_err(|e| format!("--limit: {e}"))?;
     let bench = Bench::new(gpu, bandwidth);
-    let mut samples: Vec<_> = block::TABLE_II.iter().collect();
+    let samples = if args.cubes { &block::CUBES } else { &block::TABLE_II };
+    let mut samples: Vec<_> = samples.iter().collect();
     samples.sort_by_key(|s| s.cells.iter().product::<usize>());
     let mut rows = Vec::new();
     for sample in samples.into_iter().take(args.grids.into()) {
@@ -78,7 +83,7 @@ fn run(args: &Args) -> Result<(), String> {
             eprintln!("{:?} and what is larger left out: {} s are over", sample.cells, args.limit);
             break;
         }
-        let row = bench.row(sample, !args.no_inverse)?;
+        let row = bench.row(sample, !(args.no_inverse || args.cubes))?;
         if !args.json {
             println!("{row}");
         }

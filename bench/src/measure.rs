@@ -37,7 +37,7 @@ pub(crate) struct Bench {
 pub(crate) struct Row {
     cells: [usize; 3],
     lit: Face,
-    paper_h: f64,
+    paper_h: Option<f64>,
     fields: usize,
     evaluation: Evaluation,
     bandwidth: f64,
@@ -234,7 +234,7 @@ impl fmt::Display for Row {
         if let Some(i) = &self.inverse {
             write!(
                 f,
-                " {:13.2} {:7} {:12.0} {:14.1} {:>9}  {:.1e}  {:6.2} {:6}",
+                " {:13.2} {:7} {:12.0} {:14.1} {:>9}  {:.1e}  {:6.2} {:>6}",
                 i.seconds,
                 i.solves,
                 i.fine_solves,
@@ -242,7 +242,7 @@ impl fmt::Display for Row {
                 i.peak_bytes.map_or("-".to_owned(), |bytes| (bytes >> 20).to_string()),
                 i.fit,
                 i.chi2,
-                self.paper_h
+                self.paper_h.map_or(String::new(), |hours| hours.to_string())
             )?;
         }
         Ok(())

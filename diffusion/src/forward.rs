@@ -36,6 +36,11 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         &self.medium
     }
 
+    /// The medium, when nothing more is asked of it.
+    pub(crate) fn into_medium(self) -> Medium {
+        self.medium
+    }
+
     /// The right-hand side for a set of patterns: light through the boundary, and the
     /// first-scatter source of a collimated beam.
     pub fn right_hand_side(&self, light: &Illuminations) -> Batch {

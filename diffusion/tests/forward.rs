@@ -283,7 +283,7 @@ fn a_beam_loses_what_the_source_gains() {
         assert!(left > 0.0);
         let gained = left + (0..6).map(|z| b.get(0, z * 12 + c)).sum::<f64>();
         let depth: f64 = (0..6).map(|z| 0.5 / (3.0 * medium.kappa_mm()[z * 12 + c])).sum();
-        let lost = 0.8 * 1.1 * (1.0 - (-depth).exp());
+        let lost = forward.surface().beam * 0.8 * 1.1 * (1.0 - (-depth).exp());
         assert!((gained / lost - 1.0).abs() < 1e-13, "{c}: {gained} {lost}");
     }
 }

@@ -10,6 +10,7 @@ mod format;
 pub mod gltf;
 mod grid;
 mod header;
+mod milne;
 pub mod mitsuba;
 mod native;
 pub mod npz;
@@ -31,9 +32,10 @@ pub use average::Average;
 pub use file_error::FileError;
 pub use format::{Conversion, Format, Written, readers, write_all};
 pub use grid::{Grid, GridError};
+pub use milne::{SurfaceLayer, surface_layer};
 pub use optics::{
     BoundaryConvention, Face, Illumination, LateralBoundary, Optics, Scheme, boundary_constant,
-    diffuse_reflectance, normal_reflectance, partial_current_constant,
+    diffuse_reflectance, normal_reflectance, transport_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};
 pub use reading::Reading;

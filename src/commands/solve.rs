@@ -55,7 +55,8 @@ pub(crate) struct Options {
     /// comes from the noise (lbfgs) or is 1e-5 (paper)
     #[arg(long)]
     lambda: Option<f64>,
-    /// Fit a gain for each channel beside κ and μ
+    /// Fit a gain for each channel beside κ and μ: where brightness could not be calibrated. Pictures hardly tell it
+    /// from a skin that absorbs
     #[arg(long)]
     free_gain: bool,
     /// Keep edges: do not smooth borders of veins and inclusions, where κ or μ changes by more than 10 % from

@@ -35,7 +35,8 @@ pub(crate) struct Acquired {
     pub cell_mm: f64,
     /// Noise of the fitted pictures, relative.
     pub noise: f64,
-    /// The gain that was free beside κ and μ.
+    /// Whether the gain was free beside κ and μ, or known to be 1.
+    pub free_gain: bool,
     pub gain: f64,
     pub fit: f64,
     pub chi2: f64,
@@ -135,6 +136,7 @@ impl Pictures {
     pub fn acquire(
         &self,
         cell_mm: f64,
+        free_gain: bool,
         mut go_on: impl FnMut(&Progress) -> bool,
     ) -> Result<Acquired, Failure> {
         let grid = Case { cell: cell_mm * EXTINCTION, ..self.case }.grid(1)?;
@@ -176,7 +178,7 @@ impl Pictures {
             radiance[..fitted].to_vec(),
             &variance,
         )?;
-        let settings = InverseSettings { free_gain: true, ..InverseSettings::default() };
+        let settings = InverseSettings { free_gain, ..InverseSettings::default() };
         let mut solver = CpuSolver::<f32>::new();
         let found = invert(&grid, &optics, &measured, &settings, &mut solver, &mut go_on)?;
         let medium = diffusion::Medium::new(grid, found.kappa_mm.clone(), found.mu_per_mm.clone())?;
@@ -202,6 +204,7 @@ impl Pictures {
             eta: self.case.eta,
             cell_mm,
             noise: (sum(&spread, known) / sum(&square, known)).sqrt(),
+            free_gain,
             gain: found.gain,
             fit: found.fit,
             chi2: found.chi2,

@@ -40,10 +40,11 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
     pub fn forward(&mut self, medium: Medium, tolerance: f64) -> Result<Misfit, SolveError> {
         let Problem { optics, measurement, free_gain, .. } = self.problem;
         let light = measurement.light();
-        let mut forward = Forward::new(medium.clone(), optics, &mut *self.solver)?;
+        let mut forward = Forward::new(medium, optics, &mut *self.solver)?;
         let report = forward.solve(light, &mut self.fluence, tolerance)?;
         self.work.add_solve(light.count(), &report);
         let images = forward.exit_radiance(light, &self.fluence, Face::Front);
+        let medium = forward.into_medium();
 
         let weights = measurement.weight();
         let measured = measurement.radiance();
@@ -84,7 +85,7 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
     pub fn gradient(&mut self, tolerance: f64) -> Result<Gradient, SolveError> {
         let Problem { optics, measurement, .. } = self.problem;
         let light = measurement.light();
-        let Last { medium, images, gain } = self.last.as_ref().ok_or(SolveError::NotPrepared)?;
+        let Last { medium, images, gain } = self.last.take().ok_or(SolveError::NotPrepared)?;
         // With the best gain, ∂/∂γ of the data term is 0: the chain through γ drops out.
         let slope: Vec<Vec<f64>> = images
             .iter()
@@ -97,9 +98,11 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
                 image.iter().zip(meas).zip(w).map(pixel).collect()
             })
             .collect();
-        let mut forward = Forward::prepared(medium.clone(), optics, &mut *self.solver);
+        let mut forward = Forward::prepared(medium, optics, &mut *self.solver);
         let (gradient, report) =
             forward.gradient(light, &self.fluence, &slope, &mut self.adjoint, tolerance)?;
+        let medium = forward.into_medium();
+        self.last = Some(Last { medium, images, gain });
         self.work.add_solve(light.count(), &report);
         self.work.gradient_evaluations += 1;
         Ok(gradient)

@@ -14,8 +14,9 @@ use std::sync::atomic::Ordering;
 /// A veined slab acquired from Monte-Carlo pictures, and tried under light it was not fitted to
 ///
 /// A slab of 40 x 40 x 12 mm, 1/mean free path 1.2/mm, is lit from the back on one of 4 x 4 regions
-/// after the other. κ, μ and a gain are fitted to these pictures, and the material is compared with
-/// pictures of the whole face, a stripe and a spot of 4 mm.
+/// after the other. κ and μ are fitted to these pictures, once with their brightness known, as of a calibrated
+/// rig, and once with a free gain; and the material is compared with pictures of the whole face, a stripe
+/// and a spot of 4 mm.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  diaphane study acquired --out study")]
 pub(crate) struct Args {
@@ -56,22 +57,27 @@ pub(crate) fn run(args: &Args) -> Result<Done, Failure> {
             !STOP.load(Ordering::Relaxed)
         })?;
         progress.finish(&format!("{} pictures, η = {eta}", Pictures::count()));
-        for &cell in &args.cells {
+        for (&cell, free_gain) in args.cells.iter().flat_map(|c| [(c, false), (c, true)]) {
+            let what = format!("cells of {cell} mm, gain {}", gain_name(free_gain));
             let mut progress = Progress::new("solve", 0);
-            rows.push(pictures.acquire(cell, |p| {
+            rows.push(pictures.acquire(cell, free_gain, |p| {
                 let message = format!(
-                    "cells of {cell} mm: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} solves",
+                    "{what}: fit {:.2e}, χ²/N {:.2}, λ {:.1e}, {} solves",
                     p.fit, p.chi2, p.lambda, p.work.linear_solves
                 );
                 progress.set(p.work.gradient_evaluations, &message);
                 !STOP.load(Ordering::Relaxed)
             })?);
-            progress.finish(&format!("cells of {cell} mm"));
+            progress.finish(&what);
         }
     }
     atomic_write(&csv, overwrite, |file| file.write_all(table_csv(&rows).as_bytes()))?;
     let text = format!("{}{}", describe(&rows), csv.display());
     Ok(Done::new(json!({ "table": csv, "rows": rows }), text))
+}
+
+fn gain_name(free: bool) -> &'static str {
+    if free { "free" } else { "known" }
 }
 
 /// For people: one line a material.
@@ -88,10 +94,11 @@ fn describe(rows: &[Acquired]) -> String {
             .collect();
         let _ = writeln!(
             out,
-            "η {}, cells of {} mm, noise {:.2} %: gain {:.4}, fit {:.2e}, χ²/N {:.2}; {}; mean {:.2} %",
+            "η {}, cells of {} mm, noise {:.2} %: gain {} {:.4}, fit {:.2e}, χ²/N {:.2}; {}; mean {:.2} %",
             row.eta,
             row.cell_mm,
             100.0 * row.noise,
+            gain_name(row.free_gain),
             row.gain,
             row.fit,
             row.chi2,
@@ -105,16 +112,17 @@ fn describe(rows: &[Acquired]) -> String {
 /// For other programs.
 fn table_csv(rows: &[Acquired]) -> String {
     let mut out = String::from(
-        "eta,cell_mm,noise,gain,fit,chi2,linear_solves,pattern,relative_rms,pattern_noise\n",
+        "eta,cell_mm,noise,gain_is,gain,fit,chi2,linear_solves,pattern,relative_rms,pattern_noise\n",
     );
     for row in rows {
         for held in &row.held_out {
             let _ = writeln!(
                 out,
-                "{},{},{:.5},{:.5},{:.5e},{:.4},{},{},{:.5},{:.5}",
+                "{},{},{:.5},{},{:.5},{:.5e},{:.4},{},{},{:.5},{:.5}",
                 row.eta,
                 row.cell_mm,
                 row.noise,
+                gain_name(row.free_gain),
                 row.gain,
                 row.fit,
                 row.chi2,
