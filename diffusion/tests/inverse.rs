@@ -2,8 +2,8 @@
 
 use diffusion::{
     Batch, CpuSolver, Forward, Gpu, GpuError, Illuminations, Inverse, InverseError,
-    InverseSettings, Lambda, Measurement, MeasurementError, Medium, Method, SolveError, Stage,
-    average, bssrdf_error, invert, invert_from, invert_on_gpu,
+    InverseSettings, Measurement, MeasurementError, Medium, Method, SolveError, Stage, average,
+    bssrdf_error, invert, invert_from, invert_on_gpu,
 };
 use material::{Face, Grid, Optics};
 use rand::{RngExt, SeedableRng};
