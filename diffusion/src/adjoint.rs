@@ -123,27 +123,16 @@ impl<S: LinearSolver> Forward<'_, S> {
         }
 
         if surface.beam != 0.0 {
-            let mut inside = vec![0.0; grid.len()];
-            inside.par_chunks_mut(plane).enumerate().for_each(|(z, out)| {
+            let mut weight = vec![0.0; grid.len()];
+            weight.par_chunks_mut(plane).enumerate().for_each(|(z, out)| {
                 for (m, map) in light.maps().iter().enumerate() {
                     for (c, (o, e)) in out.iter_mut().zip(map).enumerate() {
                         *o += surface.beam * e * adjoint.get(m, z * plane + c);
                     }
                 }
             });
-            let mut outside = vec![0.0; plane];
-            if light.face() == Face::Front {
-                // What leaves at once is in the image.
-                let seen = surface.beam * surface.exit_per_flux / area;
-                for (map, by_radiance) in light.maps().iter().zip(by_radiance) {
-                    for (o, (e, slope)) in outside.iter_mut().zip(map.iter().zip(by_radiance)) {
-                        *o += seen * e * slope;
-                    }
-                }
-            }
-            let weights = beam::Weights { inside, outside };
             let c = surface.boundary_constant;
-            beam::add_gradient(medium, light.face(), c, &weights, &mut by_kappa, &mut by_mu);
+            beam::add_gradient(medium, light.face(), c, &weight, &mut by_kappa, &mut by_mu);
         }
         Ok((Gradient { by_kappa, by_mu }, report))
     }

@@ -8,7 +8,9 @@
 //! the middle, which is where a cell's source acts. That share of s_c belongs to the cell before,
 //! so that the mean depth is right; without it light starts h²/12 mean free paths too deep. Before the
 //! outermost cell is the face: to what would act on the far side of it, fluence goes on as straight
-//! as it does inside, and light that is moved there leaves at once.
+//! as it does inside, and light that is moved there has left. It is not put into the image of the lit cell,
+//! which has its P1 exit: with both, the BSSRDF from front to front on cells of half a mean free path was
+//! three times as far from a finer grid's.
 
 use crate::Medium;
 use material::Face;
@@ -84,36 +86,15 @@ pub(crate) fn first_scatter(medium: &Medium, face: Face, boundary_constant: f64)
     out
 }
 
-/// What leaves the lit face at once, of unit irradiance on every column.
-pub(crate) fn leaves_at_once(medium: &Medium, face: Face, boundary_constant: f64) -> Vec<f64> {
-    let grid = medium.grid();
-    let hz = grid.spacing_mm()[2];
-    let plane = grid.face_len();
-    let base = depths(grid.cells()[2], face).next().map_or(0, |z| z * plane);
-    let of = |i: usize| {
-        let (kappa, mu) = (medium.kappa_mm()[i], medium.mu_per_mm()[i]);
-        let scattered = (1.0 - 3.0 * kappa * mu) * -(-hz / (3.0 * kappa)).exp_m1();
-        scattered * moved(kappa, hz, boundary_constant, true).0
-    };
-    (base..base + plane).map(of).collect()
-}
-
-/// What the light of a beam counts, by where it acts.
-pub(crate) struct Weights {
-    /// Σ_m E_m w_m of every cell: the adjoint fluence times the irradiance of the column.
-    pub inside: Vec<f64>,
-    /// The same of what leaves the lit face at once, of every column.
-    pub outside: Vec<f64>,
-}
-
 /// Adds to the gradients what the source contributes.
 ///
+/// `weight[c]` is Σ_m E_m w_m in cell c: the adjoint fluence times the irradiance of the column.
 /// Extinction in a cell feeds its own source, moves it towards the lamp, and dims all cells behind it.
 pub(crate) fn add_gradient(
     medium: &Medium,
     face: Face,
     boundary_constant: f64,
-    weights: &Weights,
+    weight: &[f64],
     d_kappa: &mut [f64],
     d_mu: &mut [f64],
 ) {
@@ -138,13 +119,11 @@ pub(crate) fn add_gradient(
                 let (kappa, mu) = (medium.kappa_mm()[i], medium.mu_per_mm()[i]);
                 let (first, last) = ((-tau_in[k]).exp(), (-tau_in[k] - hz / (3.0 * kappa)).exp());
                 let albedo = 1.0 - 3.0 * kappa * mu;
-                let before = match k {
-                    0 => weights.outside[c],
-                    k => weights.inside[order[k - 1] * plane + c],
-                };
-                let gain = before - weights.inside[i];
+                // What has left counts nothing.
+                let before = k.checked_sub(1).map_or(0.0, |k| weight[order[k] * plane + c]);
+                let gain = before - weight[i];
                 let (share, share_slope) = moved(kappa, hz, boundary_constant, k == 0);
-                let weight = weights.inside[i] + share * gain;
+                let weight = weight[i] + share * gain;
                 let by_extinction = hz * (area * albedo * last * weight - behind);
                 let lost = area * (first - last);
                 column[k] = (

@@ -2,8 +2,7 @@
 
 use crate::{
     Batch, Illuminations, LinearSolver, Medium, Operator, SolveError, SolveReport, SurfaceModel,
-    beam::{first_scatter, leaves_at_once},
-    operator::unknown_per_fluence,
+    beam::first_scatter, operator::unknown_per_fluence,
 };
 use material::{Face, Optics, Scheme};
 use rayon::prelude::*;
@@ -132,18 +131,12 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         let first = self.first_cell(face);
         let area = self.face_area();
         let lit = face == light.face();
-        let SurfaceModel { beam, boundary_constant, .. } = self.surface;
-        let at_once = match lit && beam != 0.0 {
-            true => leaves_at_once(&self.medium, face, boundary_constant),
-            false => vec![0.0; leaves.len()],
-        };
         let exit = (0..light.count()).map(|m| {
             let map = &light.maps()[m];
             let pixel = |c: usize| {
                 let e = if lit { map[c] } else { 0.0 };
                 let outside = self.surface.drive * e;
-                let diffuse = (leaves[c] * fluence.get(m, first + c) - enters[c] * outside) / area;
-                let flux = diffuse + beam * at_once[c] * e;
+                let flux = (leaves[c] * fluence.get(m, first + c) - enters[c] * outside) / area;
                 self.surface.exit_per_flux * flux + self.surface.exit_per_irradiance * e
             };
             (0..leaves.len()).map(pixel).collect()

@@ -213,7 +213,8 @@ fn outward(
 /// absorbed + leaving = entering. What enters is, for diffuse light, the inward flux itself
 /// (negative "leaving" on the lit face); for a beam, the part that it loses to scattering: each
 /// column's own Beer–Lambert integral, written out here once more. Summing A φ = b over all
-/// cells leaves Σr, at most √n · tolerance · ‖b‖; the cells' b being alike, ‖b‖ ≤ Σb: √n · 1e-10.
+/// cells leaves Σr, at most √n · tolerance · ‖b‖; the cells' b being alike, ‖b‖ ≤ Σb: √n · 1e-10, and 1e-9
+/// for the integral of what leaves at once.
 #[test]
 fn energy_balances() {
     let grid = Grid::new([11, 9, 7], [0.8, 1.1, 0.5]).unwrap();
@@ -248,7 +249,11 @@ fn energy_balances() {
                             let i = if face == Face::Front { k } else { 6 - k } * plane + c;
                             let (kappa, mu) = (medium.kappa_mm()[i], medium.mu_per_mm()[i]);
                             let next = beam * (-hz / (3.0 * kappa)).exp();
-                            scattered += (1.0 - 3.0 * kappa * mu) * (beam - next);
+                            let acts = match k {
+                                0 => 1.0 - leaves_at_once(kappa, hz, optics.boundary_constant),
+                                _ => 1.0,
+                            };
+                            scattered += acts * (1.0 - 3.0 * kappa * mu) * (beam - next);
                             beam = next;
                         }
                     }
@@ -259,15 +264,31 @@ fn energy_balances() {
                     let balance = (absorbed + leaving - entering).abs() / entering;
                     let name = format!("{boundary:?} {illumination:?} {face:?} {m}");
                     assert!(entering > 0.0 && absorbed > 0.05 * entering && far > 0.0, "{name}");
-                    assert!(balance < (grid.len() as f64).sqrt() * 1e-10, "{name}: {balance:.1e}");
+                    let bound = (grid.len() as f64).sqrt() * 1e-10 + 1e-9;
+                    assert!(balance < bound, "{name}: {balance:.1e}");
                 }
             }
         }
     }
 }
 
+/// The share of what the outermost cell scatters that acts on the far side of the face: where it scatters on
+/// average by an integral, and how much less that counts than the cell's middle by similar triangles.
+fn leaves_at_once(kappa: f64, h: f64, boundary_constant: f64) -> f64 {
+    const STEPS: usize = 20_000;
+    let (mut all, mut nearer) = (0.0, 0.0);
+    for i in 0..STEPS {
+        let t = (i as f64 + 0.5) / STEPS as f64;
+        let scattered = (-h / (3.0 * kappa) * t).exp();
+        all += scattered;
+        nearer += scattered * (0.5 - t);
+    }
+    let zero = 2.0 * boundary_constant * kappa;
+    (nearer / all) * h / (0.5 * h + zero)
+}
+
 /// A block that absorbs nothing turns all of the beam's loss into diffuse light, but for what leaves at
-/// once: Σb and the exit of no fluence make T A E (1 − exp(−τ)) column by column, to rounding.
+/// once: T A E (1 − exp(−τ)) column by column, to the integral's 1e-9.
 #[test]
 fn a_beam_loses_what_the_source_gains() {
     let grid = Grid::new([4, 3, 6], [0.8, 1.1, 0.5]).unwrap();
@@ -276,15 +297,15 @@ fn a_beam_loses_what_the_source_gains() {
     let mut solver = CpuSolver::<f64>::new();
     let forward = Forward::new(medium.clone(), &Optics::from_eta(1.0), &mut solver).unwrap();
     let b = forward.right_hand_side(&light);
-    let dark = Batch::zeros(grid.len(), 1);
-    let at_once = &forward.exit_radiance(&light, &dark, Face::Back)[0];
+    let constant = forward.surface().boundary_constant;
     for c in 0..12 {
-        let left = at_once[c] / forward.surface().exit_per_flux * 0.8 * 1.1;
-        assert!(left > 0.0);
+        let kappa = medium.kappa_mm()[5 * 12 + c];
+        let first = forward.surface().beam * 0.8 * 1.1 * (1.0 - (-0.5 / (3.0 * kappa)).exp());
+        let left = first * leaves_at_once(kappa, 0.5, constant);
         let gained = left + (0..6).map(|z| b.get(0, z * 12 + c)).sum::<f64>();
         let depth: f64 = (0..6).map(|z| 0.5 / (3.0 * medium.kappa_mm()[z * 12 + c])).sum();
         let lost = forward.surface().beam * 0.8 * 1.1 * (1.0 - (-depth).exp());
-        assert!((gained / lost - 1.0).abs() < 1e-13, "{c}: {gained} {lost}");
+        assert!((gained / lost - 1.0).abs() < 1e-9, "{c}: {gained} {lost}");
     }
 }
 

@@ -5,8 +5,7 @@
 @group(1) @binding(2) var<storage, read> mu: array<f32>;
 @group(1) @binding(3) var<storage, read> irradiance: array<vec4<f32>>;
 @group(1) @binding(4) var<storage, read> adjoint: array<vec4<f32>>;
-@group(1) @binding(5) var<storage, read> by_radiance: array<vec4<f32>>; // of the front face's cells
-@group(1) @binding(6) var<storage, read_write> slopes: array<f32>;
+@group(1) @binding(5) var<storage, read_write> slopes: array<f32>;
 
 fn inside(cell: u32, column: u32) -> f32 {
     var weight = 0.0;
@@ -14,17 +13,6 @@ fn inside(cell: u32, column: u32) -> f32 {
         weight += dot(irradiance[column * level.quads + q], adjoint[cell * level.quads + q]);
     }
     return block.beam * weight;
-}
-
-// What leaves the lit face at once is in the image, if that is the front one.
-fn outside(column: u32) -> f32 {
-    var weight = 0.0;
-    for (var q = 0u; q < level.quads; q++) {
-        let i = column * level.quads + q;
-        weight += dot(irradiance[i], by_radiance[i]);
-    }
-    let seen = block.beam * block.exit_per_flux / (block.spacing.x * block.spacing.y);
-    return select(0.0, seen * weight, block.lit_front == 1u);
 }
 
 @compute @workgroup_size(64)
@@ -44,11 +32,9 @@ fn beam_gradient(@builtin(global_invocation_id) id: vec3<u32>) {
     var here = inside(cell_at(vec3(id.xy, lit_depth(n.z - 1u))), column);
     for (var k = n.z; k > 0u; k--) {
         let cell = cell_at(vec3(id.xy, lit_depth(k - 1u)));
-        var before = 0.0;
+        var before = 0.0; // what has left counts nothing
         if k > 1u {
             before = inside(cell_at(vec3(id.xy, lit_depth(k - 2u))), column);
-        } else {
-            before = outside(column);
         }
         let own = kappa[cell];
         let step = h / (3.0 * own);

@@ -5,9 +5,8 @@
 @group(1) @binding(2) var<storage, read> fluence: array<vec4<f32>>;
 @group(1) @binding(3) var<storage, read> measured: array<vec4<f32>>;
 @group(1) @binding(4) var<storage, read> weight: array<vec4<f32>>;
-@group(1) @binding(5) var<storage, read> at_once: array<f32>; // of a beam, of every column
-@group(1) @binding(6) var<storage, read_write> radiance: array<vec4<f32>>;
-@group(1) @binding(7) var<storage, read_write> partials: array<vec4<f32>>; // of every workgroup
+@group(1) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(1) @binding(6) var<storage, read_write> partials: array<vec4<f32>>; // of every workgroup
 
 @compute @workgroup_size(64)
 fn exit_radiance(at: Invocation) {
@@ -18,8 +17,7 @@ fn exit_radiance(at: Invocation) {
         let leaves = face_z[i / level.quads];
         let outside = entrance(leaves) * block.drive;
         let light = select(vec4(0.0), irradiance[i], block.lit_front == 1u);
-        let diffuse = (leaves * fluence[i] - outside * light) / (block.spacing.x * block.spacing.y);
-        let flux = diffuse + block.beam * at_once[i / level.quads] * light;
+        let flux = (leaves * fluence[i] - outside * light) / (block.spacing.x * block.spacing.y);
         let l = block.exit_per_flux * flux + block.exit_per_irradiance * light;
         radiance[i] = l;
         let w = max(weight[i], vec4(0.0)); // below 0 it is kept out of the fit

@@ -1,11 +1,9 @@
-// The first-scatter source of a collimated beam of unit irradiance, column by column, and what leaves
-// the lit face at once.
-// Twins: first_scatter and leaves_at_once in diffusion/src/beam.rs, which says what they are.
+// The first-scatter source of a collimated beam of unit irradiance, column by column.
+// Twin: first_scatter in diffusion/src/beam.rs, which says what it is.
 
 @group(1) @binding(1) var<storage, read> kappa: array<f32>;
 @group(1) @binding(2) var<storage, read> mu: array<f32>;
 @group(1) @binding(3) var<storage, read_write> source: array<f32>;
-@group(1) @binding(4) var<storage, read_write> at_once: array<f32>; // of every column
 
 @compute @workgroup_size(64)
 fn first_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -22,9 +20,7 @@ fn first_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
         let diffuse = (1.0 - 3.0 * own * mu[cell]) * exp(-depth) * scattered(step);
         let share = moved(own, k == 0u).x;
         source[cell] = area * diffuse * (1.0 - share);
-        if k == 0u {
-            at_once[id.y * level.cells.x + id.x] = diffuse * share;
-        } else {
+        if k > 0u {
             source[before] += area * diffuse * share;
         }
         before = cell;

@@ -102,7 +102,6 @@ impl GpuObjective {
         let logs = vectors.zeros();
         let [kappa, mu, source] = std::array::from_fn(|_| gpu.buffer(n));
         let (slopes, totals, block) = (gpu.buffer(2 * n), gpu.buffer(12), gpu.buffer(BLOCK));
-        let at_once = gpu.buffer(grid.face_len());
         let [x, y, z] = cells.map(|c| c as u32);
         let by_cell = [x.div_ceil(64), y, z];
         let by_column = [x.div_ceil(64), y, 1];
@@ -141,11 +140,7 @@ impl GpuObjective {
             ),
         ];
         prepare.extend(hierarchy.set_up().iter().cloned());
-        prepare.push(pass(
-            Kernel::FirstScatter,
-            &[&block, &kappa, &mu, &source, &at_once],
-            by_column,
-        ));
+        prepare.push(pass(Kernel::FirstScatter, &[&block, &kappa, &mu, &source], by_column));
 
         let light = measurement.light();
         let group = 4 * quads;
@@ -180,16 +175,7 @@ impl GpuObjective {
                 let look = vec![
                     pass(
                         Kernel::ExitRadiance,
-                        &[
-                            &block,
-                            &irradiance,
-                            &fluence.high,
-                            &measured,
-                            &weight,
-                            &at_once,
-                            &radiance,
-                            &sums,
-                        ],
+                        &[&block, &irradiance, &fluence.high, &measured, &weight, &radiance, &sums],
                         by_pixel,
                     ),
                     add(Kernel::AddOfRadiance, by_pixel),
@@ -227,7 +213,7 @@ impl GpuObjective {
                 if beam {
                     contract.push(pass(
                         Kernel::BeamGradient,
-                        &[&block, &kappa, &mu, &irradiance, &adjoint.high, &by_radiance, &slopes],
+                        &[&block, &kappa, &mu, &irradiance, &adjoint.high, &slopes],
                         by_column,
                     ));
                 }
