@@ -114,7 +114,7 @@ impl Regime {
             out.push(format!("more for cells of {:.1} mean free paths", self.cell));
         }
         if self.lit_face == Face::Front {
-            out.push("10 to 40 % in brightness next to light on the front face".into());
+            out.push("14 to 40 % in brightness next to light on the front face".into());
         }
         (!out.is_empty())
             .then(|| format!("{channel}: the diffusion model may be off by {}", out.join("; ")))

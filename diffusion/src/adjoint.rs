@@ -2,7 +2,7 @@
 
 use crate::cpu::sweep::{Row, RowKernel, rows};
 use crate::operator::{PER_THREAD, face_cells, unknown_per_fluence};
-use crate::{Batch, Forward, Illuminations, LinearSolver, SolveError, SolveReport, beam};
+use crate::{Batch, Forward, Illuminations, LinearSolver, SolveError, SolveReport};
 use material::{Face, Scheme};
 use rayon::prelude::*;
 
@@ -20,8 +20,8 @@ impl<S: LinearSolver> Forward<'_, S> {
     ///
     /// Solves A w = ∂J/∂φ (starting from `adjoint`, which is left holding w) and contracts:
     /// ∂J/∂μ_c = −V w φ; every face −(∂T/∂κ) Δw Δφ; boundary faces (∂g/∂κ) A_f w (Q − φ), and the
-    /// direct term through the g in L; the beam's source by `beam::add_gradient`. The
-    /// objective's own sum over fields is inside w and φ. With [`Scheme::Stam`] the unknown is κφ: inner
+    /// direct term through the g in L; from there to κ and μ by what conducts; the beam's source by
+    /// [`Beam::add_gradient`](crate::beam::Beam). The objective's own sum over fields is inside w and φ. With [`Scheme::Stam`] the unknown is κφ: inner
     /// faces know no κ, and absorption and boundary do so otherwise. This is the gradient of the
     /// discrete objective itself; W08 (7) is the continuous form, without the boundary terms.
     ///
@@ -52,7 +52,10 @@ impl<S: LinearSolver> Forward<'_, S> {
 
         let scheme = self.scheme();
         let medium = self.medium();
-        let (kappa, mu) = (medium.kappa_mm(), medium.mu_per_mm());
+        let mu = medium.mu_per_mm();
+        // What conducts, which is κ or not: up to the beam it is what derivatives are by.
+        let conduction = self.conduction();
+        let kappa = conduction.of_cells(medium);
         let volume = grid.cell_volume_mm3();
         let cells = grid.cells();
         let h = grid.spacing_mm();
@@ -122,6 +125,13 @@ impl<S: LinearSolver> Forward<'_, S> {
             }
         }
 
+        let slopes = by_kappa.par_iter_mut().zip(&mut by_mu).zip(medium.kappa_mm()).zip(mu);
+        slopes.for_each(|(((by_kappa, by_mu), kappa), mu)| {
+            let (_, d_by_kappa, d_by_mu) = conduction.at(*kappa, *mu);
+            *by_mu += *by_kappa * d_by_mu;
+            *by_kappa *= d_by_kappa;
+        });
+
         if surface.beam != 0.0 {
             let mut weight = vec![0.0; grid.len()];
             weight.par_chunks_mut(plane).enumerate().for_each(|(z, out)| {
@@ -131,8 +141,8 @@ impl<S: LinearSolver> Forward<'_, S> {
                     }
                 }
             });
-            let c = surface.boundary_constant;
-            beam::add_gradient(medium, light.face(), c, &weight, &mut by_kappa, &mut by_mu);
+            let beam = self.beam(light.face());
+            beam.add_gradient(medium, &weight, &mut by_kappa, &mut by_mu);
         }
         Ok((Gradient { by_kappa, by_mu }, report))
     }

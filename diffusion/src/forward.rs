@@ -2,7 +2,7 @@
 
 use crate::{
     Batch, Illuminations, LinearSolver, Medium, Operator, SolveError, SolveReport, SurfaceModel,
-    beam::first_scatter, operator::unknown_per_fluence,
+    beam::Beam, conduction::Conduction, operator::unknown_per_fluence,
 };
 use material::{Face, Optics, Scheme};
 use rayon::prelude::*;
@@ -12,6 +12,7 @@ pub struct Forward<'a, S> {
     medium: Medium,
     surface: SurfaceModel,
     scheme: Scheme,
+    conduction: Conduction,
     solver: &'a mut S,
 }
 
@@ -22,12 +23,18 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
     /// The backend cannot hold the operator.
     pub fn new(medium: Medium, optics: &Optics, solver: &'a mut S) -> Result<Self, SolveError> {
         solver.prepare(Operator::new(&medium, optics))?;
-        Ok(Self::prepared(medium, optics, solver))
+        Ok(Self::prepared(medium, optics, SurfaceModel::new(optics), solver))
     }
 
-    /// The forward problem of a medium that `solver` is prepared for already.
-    pub(crate) fn prepared(medium: Medium, optics: &Optics, solver: &'a mut S) -> Self {
-        Self { medium, surface: SurfaceModel::new(optics), scheme: optics.scheme, solver }
+    /// The forward problem of a medium that `solver` is prepared for already; `surface` is the model of `optics`.
+    pub(crate) fn prepared(
+        medium: Medium,
+        optics: &Optics,
+        surface: SurfaceModel,
+        solver: &'a mut S,
+    ) -> Self {
+        let conduction = Conduction::of(optics);
+        Self { medium, surface, scheme: optics.scheme, conduction, solver }
     }
 
     /// The medium.
@@ -49,8 +56,7 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
         let lanes = b.lanes();
         let SurfaceModel { beam, drive, .. } = self.surface;
         if beam != 0.0 {
-            let c = self.surface.boundary_constant;
-            let source = first_scatter(&self.medium, light.face(), c);
+            let source = self.beam(light.face()).first_scatter(&self.medium);
             for (block, maps) in light.maps().chunks(lanes).enumerate() {
                 let planes = b.block_mut(block).par_chunks_mut(plane * lanes);
                 planes.zip(source.par_chunks(plane)).for_each(|(out, source)| {
@@ -159,9 +165,23 @@ impl<'a, S: LinearSolver> Forward<'a, S> {
 
     /// What every cell of a face gains through it for one unit of light outside: g · A_f, mm².
     fn entrance(&self, face: Face) -> Vec<f64> {
-        let kappa = &self.medium.kappa_mm()[self.first_cell(face)..];
-        let leaves = self.face_conductance(face).iter().zip(kappa);
-        leaves.map(|(leaves, kappa)| leaves * unknown_per_fluence(self.scheme, *kappa)).collect()
+        let cells = self.first_cell(face)..;
+        let (kappa, mu) = (&self.medium.kappa_mm()[cells.clone()], &self.medium.mu_per_mm()[cells]);
+        let cells = self.face_conductance(face).iter().zip(kappa.iter().zip(mu));
+        let enters = |(leaves, (kappa, mu)): (&f64, (&f64, &f64))| {
+            leaves * unknown_per_fluence(self.scheme, self.conduction.at(*kappa, *mu).0)
+        };
+        cells.map(enters).collect()
+    }
+
+    /// The collimated beam through a face.
+    pub(crate) fn beam(&self, face: Face) -> Beam {
+        let boundary_constant = self.surface.boundary_constant;
+        Beam { face, boundary_constant, conduction: self.conduction }
+    }
+
+    pub(crate) fn conduction(&self) -> Conduction {
+        self.conduction
     }
 
     pub(crate) fn scheme(&self) -> Scheme {

@@ -6,6 +6,7 @@ mod batch;
 mod beam;
 mod bssrdf;
 mod chebyshev;
+mod conduction;
 mod cpu;
 mod field;
 mod forward;

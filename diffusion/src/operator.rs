@@ -1,5 +1,7 @@
-//! The finite-volume operator of ∇·(κ∇φ) − μφ with Robin faces, in double precision.
+//! The finite-volume operator of ∇·(κ∇φ) − μφ with Robin faces, in double precision. Under `transport` κ stands
+//! for D here (`conduction.rs`).
 
+use crate::conduction::Conduction;
 use crate::cpu::real::scale_add;
 use crate::cpu::sweep::{Row, RowKernel, neighbour_sum, rows};
 use crate::{Batch, Medium, Real};
@@ -39,7 +41,7 @@ impl Operator {
         let cells = grid.cells();
         let h = grid.spacing_mm();
         let volume = grid.cell_volume_mm3();
-        let kappa = medium.kappa_mm();
+        let kappa = &Conduction::of(optics).of_cells(medium)[..];
         let strides = [1, cells[0], cells[0] * cells[1]];
         let link = std::array::from_fn(|a| {
             let area = volume / h[a];

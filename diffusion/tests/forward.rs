@@ -250,7 +250,7 @@ fn energy_balances() {
                             let (kappa, mu) = (medium.kappa_mm()[i], medium.mu_per_mm()[i]);
                             let next = beam * (-hz / (3.0 * kappa)).exp();
                             let acts = match k {
-                                0 => 1.0 - leaves_at_once(kappa, hz, optics.boundary_constant),
+                                0 => 1.0 - leaves_at_once(kappa, mu, hz, optics.boundary_constant),
                                 _ => 1.0,
                             };
                             scattered += acts * (1.0 - 3.0 * kappa * mu) * (beam - next);
@@ -274,7 +274,7 @@ fn energy_balances() {
 
 /// The share of what the outermost cell scatters that acts on the far side of the face: where it scatters on
 /// average by an integral, and how much less that counts than the cell's middle by similar triangles.
-fn leaves_at_once(kappa: f64, h: f64, boundary_constant: f64) -> f64 {
+fn leaves_at_once(kappa: f64, mu: f64, h: f64, boundary_constant: f64) -> f64 {
     const STEPS: usize = 20_000;
     let (mut all, mut nearer) = (0.0, 0.0);
     for i in 0..STEPS {
@@ -283,7 +283,10 @@ fn leaves_at_once(kappa: f64, h: f64, boundary_constant: f64) -> f64 {
         all += scattered;
         nearer += scattered * (0.5 - t);
     }
-    let zero = 2.0 * boundary_constant * kappa;
+    // What conducts there, by the terms of its series (rough blocks are within 3κμ ≤ 0.15).
+    let a = 3.0 * kappa * mu;
+    let d = kappa * (1.0 + 0.8 * a + 108.0 / 175.0 * a * a + (1.2 - 108.0 / 175.0) * a * a * a);
+    let zero = 2.0 * boundary_constant * d;
     (nearer / all) * h / (0.5 * h + zero)
 }
 
@@ -301,7 +304,7 @@ fn a_beam_loses_what_the_source_gains() {
     for c in 0..12 {
         let kappa = medium.kappa_mm()[5 * 12 + c];
         let first = forward.surface().beam * 0.8 * 1.1 * (1.0 - (-0.5 / (3.0 * kappa)).exp());
-        let left = first * leaves_at_once(kappa, 0.5, constant);
+        let left = first * leaves_at_once(kappa, 0.0, 0.5, constant);
         let gained = left + (0..6).map(|z| b.get(0, z * 12 + c)).sum::<f64>();
         let depth: f64 = (0..6).map(|z| 0.5 / (3.0 * medium.kappa_mm()[z * 12 + c])).sum();
         let lost = forward.surface().beam * 0.8 * 1.1 * (1.0 - (-depth).exp());

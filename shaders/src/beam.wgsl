@@ -22,16 +22,17 @@ fn nearer(tau: f32) -> vec2<f32> {
 }
 
 // The share of a cell's source that belongs to the cell before it, or has left if it is the first, and
-// the derivative by κ.
-fn moved(kappa: f32, first: bool) -> vec2<f32> {
+// the derivatives by κ and μ.
+fn moved(kappa: f32, mu: f32, first: bool) -> vec3<f32> {
     let h = block.spacing.z;
     let tau = h / (3.0 * kappa);
     var share = nearer(tau);
     share.y *= -tau / kappa;
     if !first {
-        return share;
+        return vec3(share, 0.0);
     }
-    let beyond = h / (2.0 * block.boundary_constant * kappa + 0.5 * h);
+    let d = conducting(kappa, mu);
+    let beyond = h / (2.0 * block.boundary_constant * d.x + 0.5 * h);
     let beyond_slope = -2.0 * block.boundary_constant / h * beyond * beyond;
-    return vec2(share.x * beyond, share.y * beyond + share.x * beyond_slope);
+    return vec3(share.x * beyond, vec2(share.y * beyond, 0.0) + share.x * beyond_slope * d.yz);
 }

@@ -5,7 +5,7 @@
 @group(1) @binding(2) var<storage, read> mu: array<f32>;
 @group(1) @binding(3) var<storage, read> irradiance: array<vec4<f32>>;
 @group(1) @binding(4) var<storage, read> adjoint: array<vec4<f32>>;
-@group(1) @binding(5) var<storage, read_write> slopes: array<f32>;
+@group(1) @binding(5) var<storage, read_write> slopes: array<f32>; // by μ from the second third on, by κ itself in the last
 
 fn inside(cell: u32, column: u32) -> f32 {
     var weight = 0.0;
@@ -21,6 +21,7 @@ fn beam_gradient(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let n = level.cells;
+    let count = n.x * n.y * n.z;
     let column = id.y * n.x + id.x;
     let area = block.spacing.x * block.spacing.y;
     let h = block.spacing.z;
@@ -41,13 +42,13 @@ fn beam_gradient(@builtin(global_invocation_id) id: vec3<u32>) {
         let last = exp(-depth);
         depth -= step;
         let albedo = 1.0 - 3.0 * own * mu[cell];
-        let share = moved(own, k == 1u);
+        let share = moved(own, mu[cell], k == 1u);
         let weight = here + share.x * (before - here);
         let lost = area * exp(-depth) * scattered(step);
         let by_extinction = h * (area * albedo * last * weight - behind);
-        slopes[cell] += albedo * lost * share.y * (before - here)
+        slopes[2u * count + cell] += albedo * lost * share.y * (before - here)
             - by_extinction / (3.0 * own * own) - 3.0 * mu[cell] * lost * weight;
-        slopes[n.x * n.y * n.z + cell] -= 3.0 * own * lost * weight;
+        slopes[count + cell] += albedo * lost * share.z * (before - here) - 3.0 * own * lost * weight;
         behind += albedo * lost * weight;
         here = before;
     }

@@ -1,4 +1,4 @@
-// The gradient by the logarithms from that by κ and μ; 0 outside the range, where a coefficient no
+// The gradient by the logarithms from that by what conducts, μ, and κ by itself; 0 outside the range, where a coefficient no
 // longer follows its logarithm.
 // Twin: LogObjective::gradient in diffusion/src/inverse/data_term.rs.
 
@@ -16,7 +16,9 @@ fn by_logs(@builtin(global_invocation_id) place: vec3<u32>) {
     let cell = cell_at(place);
     let count = level.cells.x * level.cells.y * level.cells.z;
     let u = vec2(logs[cell], logs[count + cell]);
-    let slope = vec2(slopes[cell], slopes[count + cell]) * vec2(kappa[cell], mu[cell]);
+    let value = vec2(kappa[cell], mu[cell]);
+    let direct = vec2(slopes[2u * count + cell], slopes[count + cell]);
+    let slope = (direct + slopes[cell] * conducting(value.x, value.y).yz) * value;
     let follows = abs(u - block.origin) <= vec2(block.range);
     let by_log = select(vec2(0.0), block.unscale * slope, follows);
     out[cell] = by_log.x;

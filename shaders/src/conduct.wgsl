@@ -1,4 +1,4 @@
-// Conductances across all faces from κ: harmonic between cells, the boundary's on the surface. Those of
+// Conductances across all faces from what conducts, κ or D: harmonic between cells, the boundary's on the surface. Those of
 // κφ: the same between all cells, the boundary's over κ.
 // Twin: Operator::new in diffusion/src/operator.rs.
 

@@ -18,7 +18,7 @@ fn first_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
         let own = kappa[cell];
         let step = block.spacing.z / (3.0 * own);
         let diffuse = (1.0 - 3.0 * own * mu[cell]) * exp(-depth) * scattered(step);
-        let share = moved(own, k == 0u).x;
+        let share = moved(own, mu[cell], k == 0u).x;
         source[cell] = area * diffuse * (1.0 - share);
         if k > 0u {
             source[before] += area * diffuse * share;

@@ -1,4 +1,5 @@
-// ∂J/∂κ and ∂J/∂μ of every cell from fluence φ and adjoint fluence w, onto what is there already.
+// ∂J/∂κ and ∂J/∂μ of every cell from fluence φ and adjoint fluence w, onto what is there already. κ is what conducts,
+// the coefficient itself or D: what that comes to is left to by_logs.
 // Twin: Forward::gradient in diffusion/src/adjoint.rs.
 
 @group(1) @binding(1) var<storage, read> kappa: array<f32>;
@@ -6,7 +7,7 @@
 @group(1) @binding(3) var<storage, read> fluence: array<vec4<f32>>;
 @group(1) @binding(4) var<storage, read> adjoint: array<vec4<f32>>;
 @group(1) @binding(5) var<storage, read> by_radiance: array<vec4<f32>>; // of the front face's cells
-@group(1) @binding(6) var<storage, read_write> slopes: array<f32>; // by κ of all cells, then by μ
+@group(1) @binding(6) var<storage, read_write> slopes: array<f32>; // by what conducts in all cells, then by μ
 
 // −∂T/∂κ of this cell times Σ Δφ Δw, over an inner face; `ratio` is κ beyond / (κ here + κ beyond).
 fn across(cell: u32, beyond: u32, axis: u32) -> f32 {

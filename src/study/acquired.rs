@@ -111,8 +111,7 @@ impl Pictures {
         };
         let fine = case.grid(1)?;
         let optics = Optics::from_eta(eta);
-        let block =
-            MonteCarlo::new(&case.medium(&fine, 1.0)?, &optics, 0.0).map_err(Failure::other)?;
+        let block = MonteCarlo::new(&case.medium(&fine)?, &optics, 0.0).map_err(Failure::other)?;
         let all = light(&fine)?;
         let mut halves = Vec::new();
         for (pattern, map) in all.maps().iter().enumerate() {

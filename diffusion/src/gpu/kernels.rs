@@ -83,7 +83,7 @@ const RECIPES: [Recipe; 39] = {
         (InvertDiagonal, INVERT_DIAGONAL, "invert_diagonal", "w", &[]),
         (InvertCoarsest, INVERT_COARSEST, "invert_coarsest", "w", &[]),
         (Fold, FOLD, "fold", "rw", &[]),
-        (Coefficients, COEFFICIENTS, "coefficients", "rrwww", &[]),
+        (Coefficients, COEFFICIENTS, "coefficients", "rrwwww", &[]),
         (Conduct, CONDUCT, "conduct", "rrwww", &[]),
         (FirstScatter, FIRST_SCATTER, "first_scatter", "rrrw", &[]),
         (Illuminate, ILLUMINATE, "illuminate", "rrrw", &[]),

@@ -7,6 +7,7 @@ use super::krylov::{Krylov, System};
 use super::level::{Hierarchy, whole};
 use super::vector::{GpuVector, VectorSpace};
 use super::{Gpu, GpuError, quads_that_fit};
+use crate::conduction::Conduction;
 use crate::inverse::{
     Device, InverseError, Misfit, Objective, Problem, RANGE, Work, pull, step_weights,
 };
@@ -100,8 +101,8 @@ impl GpuObjective {
         let finest = &hierarchy.levels[0];
         let vectors = VectorSpace::new(gpu, &finest.group, 2 * n);
         let logs = vectors.zeros();
-        let [kappa, mu, source] = std::array::from_fn(|_| gpu.buffer(n));
-        let (slopes, totals, block) = (gpu.buffer(2 * n), gpu.buffer(12), gpu.buffer(BLOCK));
+        let [kappa, mu, conducts, source] = std::array::from_fn(|_| gpu.buffer(n));
+        let (slopes, totals, block) = (gpu.buffer(3 * n), gpu.buffer(12), gpu.buffer(BLOCK));
         let [x, y, z] = cells.map(|c| c as u32);
         let by_cell = [x.div_ceil(64), y, z];
         let by_column = [x.div_ceil(64), y, 1];
@@ -113,7 +114,8 @@ impl GpuObjective {
         let energies = [measurement.weighted_energy(), measurement.energy()];
         let pixels = measurement.data().max(1) as f64;
         let scale = (pixels * (energies[1] / pixels).sqrt()).log2().round().exp2();
-        write_block(gpu, &block, problem, scale);
+        let surface = SurfaceModel::new(&problem.optics);
+        write_block(gpu, &block, problem, &surface, scale);
 
         let pass = |kernel, fields: &[&wgpu::Buffer], groups| {
             gpu.pass(kernel, &finest.group, fields.iter().map(|f| whole(f)), groups)
@@ -130,12 +132,12 @@ impl GpuObjective {
         let mut prepare = vec![
             outline(
                 Kernel::Coefficients,
-                &[&block, &logs.buffer, &kappa, &mu, &finest.absorption],
+                &[&block, &logs.buffer, &kappa, &mu, &conducts, &finest.absorption],
                 by_cell,
             ),
             outline(
                 Kernel::Conduct,
-                &[&block, &kappa, fx, fy, fz],
+                &[&block, &conducts, fx, fy, fz],
                 [(x + 1).div_ceil(64), y + 1, z + 1],
             ),
         ];
@@ -156,7 +158,6 @@ impl GpuObjective {
             gpu.write(&buffer, &out);
             buffer
         };
-        let beam = SurfaceModel::new(&problem.optics).beam != 0.0;
         let patterns = (0..light.count())
             .step_by(group)
             .map(|first| {
@@ -201,7 +202,7 @@ impl GpuObjective {
                     Kernel::Gradient,
                     &[
                         &block,
-                        &kappa,
+                        &conducts,
                         &irradiance,
                         &fluence.high,
                         &adjoint.high,
@@ -210,7 +211,7 @@ impl GpuObjective {
                     ],
                     by_cell,
                 )];
-                if beam {
+                if surface.beam != 0.0 {
                     contract.push(pass(
                         Kernel::BeamGradient,
                         &[&block, &kappa, &mu, &irradiance, &adjoint.high, &slopes],
@@ -376,11 +377,16 @@ impl Objective for GpuObjective {
     }
 }
 
-fn write_block(gpu: &Gpu, block: &wgpu::Buffer, problem: &Problem, scale: f64) {
+fn write_block(
+    gpu: &Gpu,
+    block: &wgpu::Buffer,
+    problem: &Problem,
+    surface: &SurfaceModel,
+    scale: f64,
+) {
     let grid = &problem.grid;
     let h = grid.spacing_mm().map(|h| h as f32);
     let weights = step_weights(grid).map(|c| c as f32);
-    let surface = SurfaceModel::new(&problem.optics);
     let flag = |set: bool| f32::from_bits(u32::from(set));
     let words: [f32; BLOCK] = [
         h[0],
@@ -407,8 +413,8 @@ fn write_block(gpu: &Gpu, block: &wgpu::Buffer, problem: &Problem, scale: f64) {
         0.0,
         problem.edge.map_or(0.0, |edge| 1.0 / edge as f32),
         flag(problem.optics.scheme == Scheme::Stam),
+        flag(Conduction::of(&problem.optics) == Conduction::Asymptotic),
         // To a whole number of vectors.
-        0.0,
         0.0,
     ];
     gpu.write(block, &words);

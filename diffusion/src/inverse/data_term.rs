@@ -4,13 +4,14 @@
 use super::objective::{Device, Misfit, Objective, Problem, RANGE};
 use super::smoothness::{roughness, squared_distance};
 use super::{InverseError, Work};
-use crate::{Batch, Forward, Gradient, LinearSolver, Medium, SolveError};
+use crate::{Batch, Forward, Gradient, LinearSolver, Medium, Operator, SolveError, SurfaceModel};
 use material::{Face, Grid};
 
 /// Evaluates the data term of one channel; keeps the last fluence and adjoint fluence as
 /// starting values and counts what it does.
 pub(crate) struct DataTerm<'a, S> {
     problem: &'a Problem,
+    surface: SurfaceModel,
     solver: &'a mut S,
     fluence: Batch,
     adjoint: Batch,
@@ -29,7 +30,9 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
     pub fn new(problem: &'a Problem, solver: &'a mut S) -> Self {
         let field = || Batch::zeros(problem.grid.len(), problem.measurement.light().count());
         let (fluence, adjoint) = (field(), field());
-        Self { problem, solver, fluence, adjoint, last: None, work: Work::default() }
+        let surface = SurfaceModel::new(&problem.optics);
+        let work = Work::default();
+        Self { problem, surface, solver, fluence, adjoint, last: None, work }
     }
 
     pub fn grid(&self) -> &'a Grid {
@@ -40,7 +43,8 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
     pub fn forward(&mut self, medium: Medium, tolerance: f64) -> Result<Misfit, SolveError> {
         let Problem { optics, measurement, free_gain, .. } = self.problem;
         let light = measurement.light();
-        let mut forward = Forward::new(medium, optics, &mut *self.solver)?;
+        self.solver.prepare(Operator::new(&medium, optics))?;
+        let mut forward = Forward::prepared(medium, optics, self.surface, &mut *self.solver);
         let report = forward.solve(light, &mut self.fluence, tolerance)?;
         self.work.add_solve(light.count(), &report);
         let images = forward.exit_radiance(light, &self.fluence, Face::Front);
@@ -98,7 +102,7 @@ impl<'a, S: LinearSolver> DataTerm<'a, S> {
                 image.iter().zip(meas).zip(w).map(pixel).collect()
             })
             .collect();
-        let mut forward = Forward::prepared(medium, optics, &mut *self.solver);
+        let mut forward = Forward::prepared(medium, optics, self.surface, &mut *self.solver);
         let (gradient, report) =
             forward.gradient(light, &self.fluence, &slope, &mut self.adjoint, tolerance)?;
         let medium = forward.into_medium();

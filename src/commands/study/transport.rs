@@ -72,13 +72,13 @@ fn title(case: &Case) -> String {
 /// For people: one line a case.
 fn describe(rows: &[Row]) -> String {
     let mut out = String::from(
-        "series  thick  albedo  eta   cell  width    scale     rms  after gain  with μ/5: scale  rms    noise  through\n",
+        "series  thick  albedo  eta   cell  width    scale     rms  after gain    noise  through\n",
     );
     for row in rows {
         let case = &row.case;
         let _ = writeln!(
             out,
-            "{:6} {:6} {:7} {:5} {:5} {:6} {:+7.2} % {:5.2} % {:8.2} % {:+12.2} % {:5.2} % {:5.2} %  {:.2e}{}",
+            "{:6} {:6} {:7} {:5} {:5} {:6} {:+7.2} % {:5.2} % {:8.2} % {:5.2} %  {:.2e}{}",
             case.series.name(),
             case.thickness,
             case.albedo,
@@ -88,8 +88,6 @@ fn describe(rows: &[Row]) -> String {
             100.0 * row.scale_error,
             100.0 * row.relative_rms,
             100.0 * row.relative_rms_after_gain,
-            100.0 * row.fifth_scale_error,
-            100.0 * row.fifth_relative_rms,
             100.0 * row.noise,
             row.through,
             if row.agrees() { "" } else { "  off" },
@@ -101,7 +99,7 @@ fn describe(rows: &[Row]) -> String {
 /// For other programs.
 fn table_csv(rows: &[Row]) -> String {
     let mut out = String::from(
-        "series,thickness_mfp,albedo,eta,cell_mfp,width_mfp,lit,sides,veins,scale_error,relative_rms,relative_rms_after_gain,fifth_scale_error,fifth_relative_rms,noise,through,agrees\n",
+        "series,thickness_mfp,albedo,eta,cell_mfp,width_mfp,lit,sides,veins,scale_error,relative_rms,relative_rms_after_gain,noise,through,agrees\n",
     );
     for row in rows {
         let Case { thickness, albedo, eta, cell, width, veins, .. } = row.case;
@@ -109,13 +107,11 @@ fn table_csv(rows: &[Row]) -> String {
         let sides = if row.case.sides == LateralBoundary::Open { "open" } else { "no-flux" };
         let _ = writeln!(
             out,
-            "{},{thickness},{albedo},{eta},{cell},{width},{lit},{sides},{veins},{:.5},{:.5},{:.5},{:.5},{:.5},{:.5},{:.5e},{}",
+            "{},{thickness},{albedo},{eta},{cell},{width},{lit},{sides},{veins},{:.5},{:.5},{:.5},{:.5},{:.5e},{}",
             row.case.series.name(),
             row.scale_error,
             row.relative_rms,
             row.relative_rms_after_gain,
-            row.fifth_scale_error,
-            row.fifth_relative_rms,
             row.noise,
             row.through,
             row.agrees(),

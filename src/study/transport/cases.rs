@@ -108,9 +108,8 @@ impl Case {
         Ok(Grid::new([across, across, cells(self.thickness)], [h; 3])?)
     }
 
-    /// κ = 1/(3(σs' + share · μ)) and μ at the centres of a grid's cells; the share is 1 as
-    /// everywhere else, unless something is tried.
-    pub fn medium(&self, grid: &Grid, share: f64) -> Result<Medium, Failure> {
+    /// κ = 1/(3(σs' + μ)) and μ at the centres of a grid's cells.
+    pub fn medium(&self, grid: &Grid) -> Result<Medium, Failure> {
         let [nx, ny, nz] = grid.cells();
         let (mut kappa, mut mu) = (Vec::with_capacity(grid.len()), Vec::with_capacity(grid.len()));
         for i in 0..nx * ny * nz {
@@ -123,7 +122,7 @@ impl Case {
             };
             let absorption = (1.0 - self.albedo) * (1.0 + 4.0 * vein);
             let scattering = self.albedo * (1.0 + 0.5 * vein);
-            kappa.push(1.0 / (3.0 * (share * absorption + scattering)));
+            kappa.push(1.0 / (3.0 * (absorption + scattering)));
             mu.push(absorption);
         }
         Ok(Medium::new(*grid, kappa, mu)?)
