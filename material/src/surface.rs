@@ -39,7 +39,7 @@ pub struct Surface {
 /// out of a denser medium. The length that was missing is 1/(2σt').
 ///
 /// Under `transport` it is 0: there light that scattered once is a part of L_multiple, as the first
-/// scattering of a beam is its source, and diffuse light enters it as a whole; the P1 radiance of
+/// scattering of a beam is its source, and diffuse light enters it as a whole; the radiance of
 /// what leaves has no order of scattering left out.
 pub fn single_scattering(optics: &Optics, kappa_mm: f64, mu_per_mm: f64) -> f64 {
     match optics.boundary {
