@@ -19,6 +19,7 @@ struct Block {
     per_edge: f32,             // one over the step beyond which edges begin, or 0
     stam: u32,                 // 1 if the unknown is κφ, see Operator in diffusion/src/operator.rs
     asymptotic: u32,           // 1 if D conducts in κ's place, see diffusion/src/conduction.rs
+    of_mu: f32,                // what the smoothness of log μ counts
 }
 
 @group(1) @binding(0) var<storage, read> block: Block;

@@ -40,7 +40,7 @@ fn squared_gradient(at: Invocation) {
         let cell = cell_at(place);
         let count = level.cells.x * level.cells.y * level.cells.z;
         let of_kappa = bend(place, cell, block.origin.x);
-        let of_mu = bend(place, count + cell, block.origin.y);
+        let of_mu = block.of_mu * bend(place, count + cell, block.origin.y);
         out[cell] = of_kappa.x;
         out[count + cell] = of_mu.x;
         own = vec4(of_kappa.y, of_mu.y, 0.0, 0.0);

@@ -9,7 +9,7 @@ use super::vector::{GpuVector, VectorSpace};
 use super::{Gpu, GpuError, quads_that_fit};
 use crate::conduction::Conduction;
 use crate::inverse::{
-    Device, InverseError, Misfit, Objective, Problem, RANGE, Work, pull, step_weights,
+    Device, InverseError, Misfit, OF_MU, Objective, Problem, RANGE, Work, pull, step_weights,
 };
 use crate::{SolveError, SurfaceModel};
 use material::{Face, LateralBoundary, Scheme};
@@ -414,8 +414,7 @@ fn write_block(
         problem.edge.map_or(0.0, |edge| 1.0 / edge as f32),
         flag(problem.optics.scheme == Scheme::Stam),
         flag(Conduction::of(&problem.optics) == Conduction::Asymptotic),
-        // To a whole number of vectors.
-        0.0,
+        OF_MU as f32,
     ];
     gpu.write(block, &words);
 }

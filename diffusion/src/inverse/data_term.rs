@@ -2,7 +2,7 @@
 //! linear solver.
 
 use super::objective::{Device, Misfit, Objective, Problem, RANGE};
-use super::smoothness::{roughness, squared_distance};
+use super::smoothness::{OF_MU, roughness, squared_distance};
 use super::{InverseError, Work};
 use crate::{Batch, Forward, Gradient, LinearSolver, Medium, Operator, SolveError, SurfaceModel};
 use material::{Face, Grid};
@@ -175,9 +175,10 @@ impl<S: LinearSolver> Objective for LogObjective<'_, S> {
         let mut gradient = vec![0.0; 2 * n];
         let mut value = 0.0;
         for (half, (u, g)) in u.chunks_exact(n).zip(gradient.chunks_exact_mut(n)).enumerate() {
-            value += roughness(self.data.grid(), u, self.data.problem.edge, 1.0, g);
+            let counts = [1.0, OF_MU][half];
+            value += counts * roughness(self.data.grid(), u, self.data.problem.edge, counts, g);
             if let Some(centre) = self.centre {
-                value += squared_distance(self.data.grid(), u, centre[half], g);
+                value += counts * squared_distance(self.data.grid(), u, centre[half], counts, g);
             }
         }
         (value, gradient)

@@ -21,7 +21,7 @@ pub use iterate::Iterate;
 pub use measurement::{Measurement, MeasurementError};
 pub(crate) use objective::{Device, Misfit, Objective, Problem, RANGE, Vector};
 pub use posterior::{Determination, PROBING_TOLERANCE, Solved, widest_patch_mm};
-pub(crate) use smoothness::{pull, step_weights};
+pub(crate) use smoothness::{OF_MU, pull, step_weights};
 pub use work::Work;
 
 use crate::gpu::OnGpu;

@@ -81,7 +81,7 @@ impl Vector for Vec<f64> {
 pub(crate) const RANGE: f64 = 6.0;
 
 /// The two terms of the objective as functions of u = (log κ, log μ):
-/// D(u) = Σ w (γL − L_meas)² / Σ w L_meas² and R(u) = R(log κ) + R(log μ), see `smoothness.rs`.
+/// D(u) = Σ w (γL − L_meas)² / Σ w L_meas² and R(u) = R(log κ) + ω R(log μ), see `smoothness.rs`.
 ///
 /// They are kept apart so that the outer loop can change λ without a solve. Value and gradient of
 /// D are two steps, since a step that a line search rejects needs no adjoint.

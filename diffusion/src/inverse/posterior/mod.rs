@@ -7,7 +7,7 @@
 //! the smoothness term's. Along a patch b, a bump of width ℓ around a voxel against its surroundings
 //! (`patch.rs`), the data have the curvature d = bᵀHb and the smoothness p = bᵀPb. A patch in κ can be
 //! made up for by the same patch in μ, and the other way round: with the other one free, what is left of d
-//! is d' = d_κκ − d_κμ²/(d_μμ + p). The *resolution* of a voxel is the smallest width with
+//! is d' = d_κκ − d_κμ²/(d_μμ + p_μ). The *resolution* of a voxel is the smallest width with
 //! d' ≥ 10 p: finer detail comes from smoothness more than from the images.
 //!
 //! Not the diagonals of H and P themselves: a voxel alone never changes images much, and how much
@@ -39,7 +39,7 @@ mod patch;
 #[cfg(test)]
 mod tests;
 
-use super::{Inverse, InverseError, InverseSettings, Measurement, Method};
+use super::{Inverse, InverseError, InverseSettings, Measurement, Method, OF_MU};
 use crate::{Batch, Forward, LinearSolver, Medium};
 use material::{Face, Grid, Optics};
 use patch::Ladder;
@@ -88,7 +88,7 @@ struct Curvature {
     width_mm: f64,
     /// d/p of log κ and of log μ.
     data: [Vec<f32>; 2],
-    /// d/p between the two.
+    /// d between the two over the geometric mean of their p.
     cross: Vec<f32>,
 }
 
@@ -213,10 +213,15 @@ impl Solved<'_> {
         }
         let scale = 1.0 / (probes as f64 * found.lambda * energy);
         for (curvature, roughness) in curvatures.iter_mut().zip(ladder.roughness()) {
-            curvature.each(|values| {
-                let ratio = |(v, r): (&mut f32, &f64)| *v = (scale * f64::from(*v) / r) as f32;
+            let weigh = |values: &mut Vec<f32>, counts: f64| {
+                let ratio =
+                    |(v, r): (&mut f32, &f64)| *v = (scale / counts * f64::from(*v) / r) as f32;
                 values.iter_mut().zip(&roughness).for_each(ratio);
-            });
+            };
+            let Curvature { data: [of_kappa, of_mu], cross, .. } = curvature;
+            weigh(of_kappa, 1.0);
+            weigh(of_mu, OF_MU);
+            weigh(cross, OF_MU.sqrt());
         }
         Ok(curvatures)
     }

@@ -2,7 +2,7 @@
 
 use super::patch::Ladder;
 use super::*;
-use crate::inverse::smoothness::squared_gradient;
+use crate::inverse::smoothness::{OF_MU, squared_gradient};
 use crate::{CpuSolver, Illuminations, Lambda, Work};
 
 const SEED: u64 = 1990;
@@ -116,8 +116,8 @@ impl Case {
         for (i, row) in p.iter_mut().enumerate() {
             let mut unit = vec![0.0; n];
             unit[i % n] = 1.0;
-            let half = if i < n { &mut row[..n] } else { &mut row[n..] };
-            squared_gradient(&self.grid, &unit, scale, half);
+            let (half, counts) = if i < n { (&mut row[..n], 1.0) } else { (&mut row[n..], OF_MU) };
+            squared_gradient(&self.grid, &unit, scale * counts, half);
         }
         [h, p]
     }

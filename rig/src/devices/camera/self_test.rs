@@ -56,7 +56,10 @@ pub fn test_camera(camera: &mut dyn Camera) -> (Vec<Check>, Option<Frame>) {
     }
     checks.push(match retaken {
         0 => Check::of("transfer", Ok("no frame had to be taken again".into())),
-        n => Check::fail("transfer", format!("{n} frames had to be taken again: see to the cable")),
+        n => {
+            let frames = if n == 1 { "a frame".into() } else { format!("{n} frames") };
+            Check::fail("transfer", format!("{frames} had to be taken again: see to the cable"))
+        }
     });
     checks.push(match temperature {
         Some(celsius) => Check::of("temperature", Ok(format!("{celsius:.1} °C"))),
