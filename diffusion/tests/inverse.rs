@@ -99,8 +99,8 @@ fn errors(found: &Inverse) -> [f64; 3] {
 
 /// The images carry 1 % noise per pixel, so
 /// - the fit cannot be asked for less than NOISE² = 1e-4 less what the unknowns explain of the noise
-///   (measured 8.4e-5, and 5.4e-5 on the GPU, whose rounding leads to a smaller λ);
-/// - E and the logs are the larger of the values measured on both (2.2e-3, 0.11, 0.37) with a third
+///   (measured 6.9e-5 on both);
+/// - E and the logs are the larger of the values measured on both (6.8e-4, 0.055, 0.20) with a third
 ///   to spare. Homogeneous blocks are off by 0.43 in log κ. μ is known less well: a slab of a few mean free paths loses
 ///   more light through its sides than to absorption.
 ///
@@ -111,10 +111,10 @@ fn check_the_veined_block(found: &Inverse) -> f64 {
         "fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}, log mu {mu:.3}, lambda {:.1e}",
         found.fit, found.lambda
     );
-    assert!(0.4 * NOISE * NOISE < found.fit && found.fit < 1.4e-4, "{}", found.fit);
-    assert!(e < 2.9e-3, "{e:.2e}");
-    assert!(kappa < 0.15, "{kappa}");
-    assert!(mu < 0.49, "{mu}");
+    assert!(0.4 * NOISE * NOISE < found.fit && found.fit < 0.93 * NOISE * NOISE, "{}", found.fit);
+    assert!(e < 9e-4, "{e:.2e}");
+    assert!(kappa < 0.073, "{kappa}");
+    assert!(mu < 0.27, "{mu}");
     assert!((1..=found.work.gradient_evaluations).contains(&found.history.len()));
     kappa
 }
@@ -182,7 +182,7 @@ fn the_cpu_goes_on_where_a_gpu_was_lost() {
 }
 
 /// W08 stops at ε = 1e-4, which is the noise of these images: it is reached. Its material is
-/// the worse one: E measured 3.2e-3, log κ off by 0.25 (a third to spare), and nothing holds μ
+/// the worse one: E measured 3.0e-3, log κ off by 0.21 (a third to spare), and nothing holds μ
 /// smooth.
 #[test]
 fn the_papers_method_reaches_its_own_stop() {
@@ -192,23 +192,24 @@ fn the_papers_method_reaches_its_own_stop() {
     eprintln!("fit {:.2e}, E {e:.2e}, log kappa {kappa:.3}", found.fit);
     assert!(found.fit <= 1e-4, "{}", found.fit);
     assert!(found.work.gradient_evaluations < settings.max_evaluations);
-    assert!(e < 4.3e-3, "{e:.2e}");
-    assert!(kappa < 0.34, "{kappa}");
+    assert!(e < 4e-3, "{e:.2e}");
+    assert!(kappa < 0.28, "{kappa}");
 }
 
 /// Images that are all 1.2 times as bright give the same κ and μ and a gain 1.2 times as large:
 /// the data term with its best gain does not know about scale, and only the single-precision
-/// solves (1e-6) tell the two apart. The gain itself is hardly told by the pictures: a skin that
-/// absorbs dims all of them alike, and only the smoothness is against one. 1.092 was measured (1.03 with λ
-/// ten times as large), and it must not get worse; without a free gain, κ and μ would have to take up the 1.2.
+/// solves (1e-6) tell the two apart. From there the descents part, and both end where little is gained: at κ and μ
+/// that differ by 0.021 and 0.033 (a third to spare). The gain itself is hardly told by the pictures: a skin that
+/// absorbs dims all of them alike, and only the smoothness is against one. 1.048 was measured,
+/// and it must not get worse; without a free gain, κ and μ would have to take up the 1.2.
 #[test]
 fn a_free_gain_takes_up_a_scale() {
     let free = InverseSettings { free_gain: true, ..InverseSettings::default() };
     let (bright, plain) = (find(1.2, &free), find(1.0, &free));
-    assert!((plain.gain - 1.0).abs() < 0.12, "{}", plain.gain);
+    assert!((plain.gain - 1.0).abs() < 0.06, "{}", plain.gain);
     assert!((bright.gain / plain.gain / 1.2 - 1.0).abs() < 2e-3, "{}", bright.gain);
-    assert!(log_error(&bright.kappa_mm, &plain.kappa_mm) < 0.02);
-    assert!(log_error(&bright.mu_per_mm, &plain.mu_per_mm) < 0.05);
+    assert!(log_error(&bright.kappa_mm, &plain.kappa_mm) < 0.028);
+    assert!(log_error(&bright.mu_per_mm, &plain.mu_per_mm) < 0.044);
     let fixed = find(1.2, &InverseSettings::default());
     assert!(log_error(&fixed.mu_per_mm, &plain.mu_per_mm) > 0.2);
 }

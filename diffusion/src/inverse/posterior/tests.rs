@@ -211,12 +211,15 @@ fn probing_gives_the_curvatures_of_the_written_out_matrices() {
             for which in 0..2 {
                 for i in (0..n).step_by(5) {
                     let [b, other] = [which, 1 - which].map(|which| within(&patches[i], which));
-                    let smooth = scalar(&b, &times(&p, &b));
-                    let data = [&b, &other].map(|b| scalar(b, &times(&h, b)) / smooth);
+                    let smooth = [&b, &other].map(|b| scalar(b, &times(&p, b)));
+                    let data = [0, 1].map(|k| {
+                        let b = [&b, &other][k];
+                        scalar(b, &times(&h, b)) / smooth[k]
+                    });
                     let found = f64::from(curvature.data[which][i]);
                     let off = found / data[0] - 1.0;
                     assert!(off.abs() < 5.0 * error, "{unmasked} {free_gain} {which} {i}: {off}");
-                    let cross = scalar(&b, &times(&h, &other)) / smooth;
+                    let cross = scalar(&b, &times(&h, &other)) / (smooth[0] * smooth[1]).sqrt();
                     let off_cross = f64::from(curvature.cross[i]) - cross;
                     let off_cross = off_cross / (data[0] * data[1]).sqrt();
                     assert!(off_cross.abs() < 5.0 * error, "{which} {i}: {off_cross}");
