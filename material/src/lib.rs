@@ -35,7 +35,7 @@ pub use grid::{Grid, GridError};
 pub use milne::{SurfaceLayer, surface_layer};
 pub use optics::{
     BoundaryConvention, Face, Illumination, LateralBoundary, Optics, Scheme, boundary_constant,
-    diffuse_reflectance, normal_reflectance, transport_constant,
+    diffuse_reflectance, fresnel_reflectance, normal_reflectance, transport_constant,
 };
 pub use provenance::{Input, Provenance, hash_file};
 pub use reading::Reading;

@@ -20,6 +20,7 @@
 //! (the same, section 37), a linear system on a few nodes. Reflected light adds 2π√3 ∫ H μ R I dμ to the
 //! fluence far below, and nothing to the flux. Held against Monte Carlo in docs/transport.md.
 
+use crate::fresnel_reflectance;
 use std::f64::consts::PI;
 
 /// The layer below a surface, in mean free paths.
@@ -55,7 +56,6 @@ pub fn surface_layer(eta: f64) -> SurfaceLayer {
 
 /// The layer, and the share of the flux from below that leaves through the surface: all of it.
 fn below_surface(eta: f64) -> (SurfaceLayer, f64) {
-    let h = h_function(&[1.0])[0];
     // Below the critical cosine all is reflected. Above it the cosine outside is the variable, in which
     // Fresnel's reflectance is smooth: η² μ dμ = o do.
     let critical = (1.0 - 1.0 / (eta * eta)).sqrt();
@@ -65,14 +65,13 @@ fn below_surface(eta: f64) -> (SurfaceLayer, f64) {
     let trapped = nodes().map(|(x, w)| (critical * x, critical * w, 1.0));
     let leaves = nodes().map(|(outside, w)| {
         let inside = (1.0 - (1.0 - outside * outside) / (eta * eta)).sqrt();
-        let ratio = |a: f64, b: f64| ((a - b) / (a + b)).powi(2);
-        let r = 0.5 * (ratio(eta * inside, outside) + ratio(eta * outside, inside));
+        let r = fresnel_reflectance(eta, inside, outside);
         (inside, w * outside / (eta * eta * inside), r)
     });
     // Cosine, weight and reflectance.
     let nodes: Vec<(f64, f64, f64)> = trapped.chain(leaves).collect();
     let cosines: Vec<f64> = nodes.iter().map(|n| n.0).collect();
-    let hs = h_function(&cosines);
+    let (h, hs) = (h_function(&[1.0])[0], h_function(&cosines));
     let given_back = |cosine: f64, h: f64, radiance: &[f64]| -> f64 {
         let each = nodes.iter().zip(&hs).zip(radiance);
         each.map(|(((mu, w, r), other), i)| 0.5 * h * other * mu / (cosine + mu) * w * r * i).sum()
@@ -107,7 +106,7 @@ fn h_function(cosines: &[f64]) -> Vec<f64> {
     const STEPS: u32 = 1000;
     // θ = (π/2) (1 − (1 − s³)²): small steps at 0, where the logarithm is singular, and at π/2, where the
     // denominator of a small μ is.
-    let terms: Vec<(f64, f64)> = (0..STEPS)
+    let terms: Vec<(f64, f64, f64)> = (0..STEPS)
         .map(|i| {
             let s = (f64::from(i) + 0.5) / f64::from(STEPS);
             let cube = s.powi(3);
@@ -120,14 +119,11 @@ fn h_function(cosines: &[f64]) -> Vec<f64> {
             } else {
                 1.0 - theta / theta.tan()
             };
-            (theta, weight * less.ln())
+            (theta.cos().powi(2), theta.sin().powi(2), weight * less.ln())
         })
         .collect();
     let of = |mu: &f64| {
-        let sum: f64 = terms
-            .iter()
-            .map(|(theta, term)| term / (theta.cos().powi(2) + (mu * theta.sin()).powi(2)))
-            .sum();
+        let sum: f64 = terms.iter().map(|(cos2, sin2, term)| term / (cos2 + mu * mu * sin2)).sum();
         (-mu / PI * sum).exp()
     };
     cosines.iter().map(of).collect()

@@ -134,10 +134,16 @@ pub fn transport_constant(eta: f64) -> f64 {
     1.5 * surface_layer(eta).extrapolation
 }
 
-/// Fresnel reflectance at normal incidence, ((η − 1)/(η + 1))².
+/// Fresnel reflectance of unpolarised light, from either side, at a surface of refractive index η: the mean of
+/// ((η a − b)/(η a + b))² and ((η b − a)/(η b + a))², a and b the cosines inside and outside against the normal.
+pub fn fresnel_reflectance(eta: f64, cos_inside: f64, cos_outside: f64) -> f64 {
+    let ratio = |a: f64, b: f64| ((a - b) / (a + b)).powi(2);
+    0.5 * (ratio(eta * cos_inside, cos_outside) + ratio(eta * cos_outside, cos_inside))
+}
+
+/// [`fresnel_reflectance`] along the normal, ((η − 1)/(η + 1))².
 pub fn normal_reflectance(eta: f64) -> f64 {
-    let r = (eta - 1.0) / (eta + 1.0);
-    r * r
+    fresnel_reflectance(eta, 1.0, 1.0)
 }
 
 #[cfg(test)]

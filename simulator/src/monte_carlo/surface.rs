@@ -1,6 +1,6 @@
 //! What a smooth surface between the block and the air does to light.
 
-use material::normal_reflectance;
+use material::{fresnel_reflectance, normal_reflectance};
 
 /// A block of refractive index η in air.
 #[derive(Clone, Copy, Debug)]
@@ -39,10 +39,8 @@ impl Surface {
 
     /// Share of unpolarised light that is reflected at this pair of angles (Fresnel).
     fn fresnel(self, cos_inside: f32, cos_outside: f32) -> f32 {
-        let ratio = |a: f32, b: f32| ((a - b) / (a + b)).powi(2);
-        let s = ratio(self.eta * cos_inside, cos_outside);
-        let p = ratio(self.eta * cos_outside, cos_inside);
-        0.5 * (s + p)
+        let [eta, inside, outside] = [self.eta, cos_inside, cos_outside].map(f64::from);
+        fresnel_reflectance(eta, inside, outside) as f32
     }
 
     /// Share of the light inside that is reflected back into the block.
