@@ -203,7 +203,7 @@ fn a_camera_on_the_network_is_listed_and_tested() {
     assert_eq!(run.code, 0, "{}", run.stderr);
     assert_eq!(run.json["devices"][0]["state"], "fake");
     // A machine that is busy elsewhere loses packets, and `rig test` is right to say so: then once more.
-    let lossless = |run: &support::Run| result(run, "camera", "transfer") == "pass";
+    let lossless = |run: &common::Run| result(run, "camera", "transfer") == "pass";
     let mut run = rig("test", &path, &[]);
     for _ in 0..3 {
         if !lossless(&run) {
